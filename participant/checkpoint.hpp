@@ -1,0 +1,48 @@
+// Named arrays in one HDF5 file: what a participant needs to go on bit for bit.
+#pragma once
+
+#include <cstdint>
+#include <filesystem>
+#include <span>
+#include <string>
+#include <vector>
+
+namespace estuary {
+
+/// Collects arrays and writes them to a temporary file that is renamed into place by `commit`, so that a
+/// crash leaves the older file whole.
+class CheckpointWriter {
+ public:
+  explicit CheckpointWriter(std::filesystem::path file);
+  ~CheckpointWriter();
+  CheckpointWriter(const CheckpointWriter&) = delete;
+  CheckpointWriter& operator=(const CheckpointWriter&) = delete;
+  void add(const std::string& name, std::span<const double> values);
+  void add(const std::string& name, std::span<const std::uint8_t> values);
+  void add(const std::string& name, std::uint64_t value);
+  void commit();
+
+ private:
+  std::filesystem::path file_;
+  std::filesystem::path temporary_;
+  std::int64_t handle_ = -1;
+};
+
+/// Reads them back; a missing array or one of another length throws std::runtime_error naming it.
+class CheckpointReader {
+ public:
+  explicit CheckpointReader(const std::filesystem::path& file);
+  ~CheckpointReader();
+  CheckpointReader(const CheckpointReader&) = delete;
+  CheckpointReader& operator=(const CheckpointReader&) = delete;
+  void read(const std::string& name, std::span<double> values) const;
+  void read(const std::string& name, std::span<std::uint8_t> values) const;
+  [[nodiscard]] std::uint64_t read_count(const std::string& name) const;
+  [[nodiscard]] std::vector<double> read_all(const std::string& name) const;
+
+ private:
+  std::filesystem::path file_;
+  std::int64_t handle_ = -1;
+};
+
+}  // namespace estuary
