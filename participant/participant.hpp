@@ -96,7 +96,7 @@ class ProgressBoard {
 
  private:
   mutable std::mutex mutex_;
-  Snapshot last_{.phase = "idle"};
+  Snapshot last_{.phase = "idle", .note = {}};
   std::atomic<bool> stop_{false};
 };
 
