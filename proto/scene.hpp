@@ -42,7 +42,7 @@ struct SceneNode;      // one table of it and the keys asked for
 
 /// One table of a scene. Cheap to copy; all copies note problems and known keys in the same place.
 class SceneTable {
- public:
+public:
   /// Dotted path from the root, "fluid.sides.left"; empty for the root.
   [[nodiscard]] const std::string& path() const;
   [[nodiscard]] bool has(std::string_view key) const;
@@ -82,7 +82,7 @@ class SceneTable {
   /// Names of the keys present.
   [[nodiscard]] std::vector<std::string> keys() const;
 
- private:
+private:
   friend class Scene;
   SceneTable(std::shared_ptr<detail::SceneDocument> document, std::shared_ptr<detail::SceneNode> node);
   std::shared_ptr<detail::SceneDocument> document_;
@@ -91,7 +91,7 @@ class SceneTable {
 
 /// A parsed scene. Malformed TOML leaves an empty root and one problem.
 class Scene {
- public:
+public:
   /// `name` is used in messages. `overrides` are "key.path=value" with a TOML value (a bare word counts as a
   /// string), applied in order; one that cannot be applied is a problem.
   static Scene parse(std::string_view text, std::string_view name,
@@ -103,7 +103,7 @@ class Scene {
   /// The scene with its overrides, as TOML text; the original text when there are none.
   [[nodiscard]] std::string as_run() const;
 
- private:
+private:
   std::shared_ptr<detail::SceneDocument> document_;
 };
 
