@@ -1,0 +1,234 @@
+#include "channel.hpp"
+
+#include <fcntl.h>
+#include <fmt/format.h>
+#include <sys/eventfd.h>
+#include <sys/file.h>
+#include <unistd.h>
+
+#include <array>
+#include <cerrno>
+#include <cstring>
+#include <zmq.hpp>
+
+namespace estuary {
+namespace {
+
+// Room for heartbeats to be late on a loaded machine; a lost local process is noticed at once by its closed
+// socket.
+constexpr int heartbeat_interval_ms = 300;
+constexpr int heartbeat_timeout_ms = 1500;
+constexpr std::size_t longest_ipc_path = 107;  // sun_path
+
+zmq::context_t& context() {
+  static zmq::context_t shared(1);
+  return shared;
+}
+
+void set_limits(zmq::socket_t& socket) {
+  socket.set(zmq::sockopt::linger, 500);
+  socket.set(zmq::sockopt::maxmsgsize, maximum_message_bytes);
+  socket.set(zmq::sockopt::heartbeat_ivl, heartbeat_interval_ms);
+  socket.set(zmq::sockopt::heartbeat_timeout, heartbeat_timeout_ms);
+  socket.set(zmq::sockopt::sndtimeo, 2000);
+}
+
+std::string ipc_path(const std::string& endpoint) {
+  constexpr std::string_view scheme = "ipc://";
+  return endpoint.starts_with(scheme) ? endpoint.substr(scheme.size()) : std::string();
+}
+
+void check_endpoint(const std::string& endpoint) {
+  if (!endpoint.starts_with("ipc://") && !endpoint.starts_with("tcp://")) {
+    throw ChannelError(fmt::format("'{}' is not an address: use ipc:///path or tcp://host:port", endpoint));
+  }
+  if (ipc_path(endpoint).size() > longest_ipc_path) {
+    throw ChannelError(
+        fmt::format("the path in '{}' is longer than the {} characters a local socket may have; "
+                    "set TMPDIR to a shorter folder",
+                    endpoint, longest_ipc_path));
+  }
+}
+
+zmq::message_t serialise(const google::protobuf::MessageLite& message) {
+  const std::size_t size = message.ByteSizeLong();
+  if (static_cast<std::int64_t>(size) > maximum_message_bytes) {
+    throw ChannelError(fmt::format("a message of {} bytes is larger than the {} bytes allowed", size,
+                                   maximum_message_bytes));
+  }
+  zmq::message_t frame(size);
+  message.SerializeToArray(frame.data(), static_cast<int>(size));
+  return frame;
+}
+
+}  // namespace
+
+bool is_local(const std::string& endpoint) {
+  if (endpoint.starts_with("ipc://")) return true;
+  constexpr std::string_view scheme = "tcp://";
+  if (!endpoint.starts_with(scheme)) return false;
+  const std::string host = endpoint.substr(scheme.size(), endpoint.rfind(':') - scheme.size());
+  return host == "localhost" || host == "[::1]" || host.starts_with("127.");
+}
+
+struct ClientChannel::Socket {
+  zmq::socket_t socket{context(), zmq::socket_type::dealer};
+};
+
+ClientChannel::ClientChannel(const std::string& endpoint)
+    : socket_(std::make_unique<Socket>()), endpoint_(endpoint) {
+  check_endpoint(endpoint);
+  set_limits(socket_->socket);
+  // A participant that is still starting binds a little later; try again often.
+  socket_->socket.set(zmq::sockopt::reconnect_ivl, 10);
+  socket_->socket.set(zmq::sockopt::reconnect_ivl_max, 200);
+  try {
+    socket_->socket.connect(endpoint);
+  } catch (const zmq::error_t& error) {
+    throw ChannelError(fmt::format("cannot connect to '{}': {}", endpoint, error.what()));
+  }
+}
+
+ClientChannel::~ClientChannel() = default;
+ClientChannel::ClientChannel(ClientChannel&&) noexcept = default;
+ClientChannel& ClientChannel::operator=(ClientChannel&&) noexcept = default;
+
+void ClientChannel::send(const v1::Request& request) {
+  zmq::message_t frame = serialise(request);
+  const std::size_t size = frame.size();
+  if (!socket_->socket.send(frame, zmq::send_flags::none)) {
+    throw ChannelError(fmt::format("'{}' takes no messages", endpoint_));
+  }
+  bytes_sent_ += size;
+  ++messages_;
+}
+
+std::optional<v1::Reply> ClientChannel::receive(std::chrono::milliseconds timeout) {
+  zmq::pollitem_t item{socket_->socket.handle(), 0, ZMQ_POLLIN, 0};
+  try {
+    zmq::poll(&item, 1, timeout);
+  } catch (const zmq::error_t& error) {
+    if (error.num() == EINTR) return std::nullopt;  // a signal: let the caller look at its flags
+    throw;
+  }
+  if ((item.revents & ZMQ_POLLIN) == 0) return std::nullopt;
+  zmq::message_t frame;
+  if (!socket_->socket.recv(frame, zmq::recv_flags::dontwait)) return std::nullopt;
+  v1::Reply reply;
+  if (frame.more() || !reply.ParseFromArray(frame.data(), static_cast<int>(frame.size()))) {
+    while (socket_->socket.get(zmq::sockopt::rcvmore)) {
+      if (!socket_->socket.recv(frame, zmq::recv_flags::dontwait)) break;
+    }
+    throw ChannelError(
+        fmt::format("'{}' sent {} bytes that are not a message of this protocol", endpoint_, frame.size()));
+  }
+  bytes_received_ += frame.size();
+  ++messages_;
+  return reply;
+}
+
+struct ServerChannel::Socket {
+  zmq::socket_t socket{context(), zmq::socket_type::router};
+  int wake = ::eventfd(0, EFD_NONBLOCK | EFD_CLOEXEC);
+  int lock = -1;
+  std::string lock_path;
+
+  Socket() = default;
+  Socket(const Socket&) = delete;
+  Socket& operator=(const Socket&) = delete;
+  ~Socket() {
+    if (wake >= 0) ::close(wake);
+    if (lock >= 0) {
+      ::unlink(lock_path.c_str());
+      ::close(lock);
+    }
+  }
+};
+
+ServerChannel::ServerChannel(const std::string& endpoint, bool insecure)
+    : socket_(std::make_unique<Socket>()) {
+  check_endpoint(endpoint);
+  if (!is_local(endpoint) && !insecure) {
+    throw ChannelError(fmt::format(
+        "'{}' can be reached from other machines and the channel is neither "
+        "authenticated nor encrypted; bind to 127.0.0.1, or pass --insecure on a network you trust",
+        endpoint));
+  }
+  if (socket_->wake < 0) throw ChannelError(std::strerror(errno));
+  // A second bind on an ipc path succeeds and steals it from the first, so the path is locked by a file
+  // beside it.
+  if (const std::string path = ipc_path(endpoint); !path.empty()) {
+    socket_->lock_path = path + ".lock";
+    socket_->lock = ::open(socket_->lock_path.c_str(), O_CREAT | O_RDWR | O_CLOEXEC, 0600);
+    if (socket_->lock < 0) {
+      throw ChannelError(fmt::format("cannot bind '{}': {}", endpoint, std::strerror(errno)));
+    }
+    if (::flock(socket_->lock, LOCK_EX | LOCK_NB) != 0) {
+      ::close(socket_->lock);
+      socket_->lock = -1;
+      throw ChannelError(fmt::format("'{}' is in use by another participant", endpoint));
+    }
+  }
+  set_limits(socket_->socket);
+  // Sending to a client that went away must fail: this is how a participant notices that the coupler is gone.
+  socket_->socket.set(zmq::sockopt::router_mandatory, true);
+  try {
+    socket_->socket.bind(endpoint);
+  } catch (const zmq::error_t& error) {
+    throw ChannelError(fmt::format("cannot bind '{}': {}", endpoint, error.what()));
+  }
+}
+
+ServerChannel::~ServerChannel() = default;
+
+std::optional<ServerChannel::Incoming> ServerChannel::receive(std::chrono::milliseconds timeout) {
+  std::array<zmq::pollitem_t, 2> items{
+      {{socket_->socket.handle(), 0, ZMQ_POLLIN, 0}, {nullptr, socket_->wake, ZMQ_POLLIN, 0}}};
+  try {
+    zmq::poll(items, timeout);
+  } catch (const zmq::error_t& error) {
+    if (error.num() == EINTR) return std::nullopt;
+    throw;
+  }
+  if ((items[1].revents & ZMQ_POLLIN) != 0) {
+    std::uint64_t count = 0;
+    [[maybe_unused]] const auto ignored = ::read(socket_->wake, &count, sizeof count);
+  }
+  if ((items[0].revents & ZMQ_POLLIN) == 0) return std::nullopt;
+  zmq::message_t identity;
+  if (!socket_->socket.recv(identity, zmq::recv_flags::dontwait)) return std::nullopt;
+  Incoming incoming{.client = identity.to_string(), .request = std::nullopt};
+  zmq::message_t payload;
+  std::size_t frames = 0;
+  while (socket_->socket.get(zmq::sockopt::rcvmore)) {
+    if (!socket_->socket.recv(payload, zmq::recv_flags::dontwait)) break;
+    ++frames;
+  }
+  v1::Request request;
+  if (frames == 1 && request.ParseFromArray(payload.data(), static_cast<int>(payload.size()))) {
+    incoming.request = std::move(request);
+  }
+  return incoming;
+}
+
+bool ServerChannel::send(const std::string& client, const v1::Reply& reply) {
+  zmq::message_t payload = serialise(reply);
+  try {
+    if (!socket_->socket.send(zmq::buffer(client), zmq::send_flags::sndmore)) return false;
+    return socket_->socket.send(payload, zmq::send_flags::none).has_value();
+  } catch (const zmq::error_t& error) {
+    if (error.num() == EHOSTUNREACH) return false;
+    throw;
+  }
+}
+
+void ServerChannel::wake() {
+  const std::uint64_t one = 1;
+  [[maybe_unused]] const auto ignored = ::write(socket_->wake, &one, sizeof one);
+}
+
+std::string ServerChannel::bound_endpoint() const {
+  return socket_->socket.get(zmq::sockopt::last_endpoint);
+}
+
+}  // namespace estuary

@@ -1,0 +1,91 @@
+// The ZeroMQ channel between the coupler (DEALER) and a participant (ROUTER), over ipc:// or tcp://.
+//
+// One message is one frame holding a serialised `Request` or `Reply`. Nothing here waits without a deadline,
+// and a message larger than `maximum_message_bytes` is refused on the sending side, because the library would
+// drop it silently on the receiving one. Heartbeats notice a peer whose machine or network is gone.
+#pragma once
+
+#include <chrono>
+#include <cstdint>
+#include <memory>
+#include <optional>
+#include <stdexcept>
+#include <string>
+
+#include "estuary/v1/protocol.pb.h"
+
+namespace estuary {
+
+inline constexpr std::uint32_t protocol_version = 1;
+inline constexpr std::int64_t maximum_message_bytes = std::int64_t{256} * 1024 * 1024;
+
+/// How often a participant reports progress, and the silence after which it counts as lost.
+inline constexpr std::chrono::milliseconds progress_interval{200};
+inline constexpr std::chrono::milliseconds lost_after{1500};
+
+struct ChannelError : std::runtime_error {
+  using std::runtime_error::runtime_error;
+};
+
+/// True for ipc:// and for tcp:// on 127.0.0.0/8, ::1 or localhost.
+[[nodiscard]] bool is_local(const std::string& endpoint);
+
+/// The coupler's end of the channel to one participant. One thread only.
+class ClientChannel {
+public:
+  /// Connects in the background; nothing is known about the other side before its first reply.
+  /// Throws ChannelError for an endpoint that cannot be understood.
+  explicit ClientChannel(const std::string& endpoint);
+  ~ClientChannel();
+  ClientChannel(ClientChannel&&) noexcept;
+  ClientChannel& operator=(ClientChannel&&) noexcept;
+
+  /// Throws ChannelError when the message is too large.
+  void send(const v1::Request& request);
+  /// The next message, or nothing when `timeout` passes. Throws ChannelError when it cannot be read as a
+  /// Reply.
+  [[nodiscard]] std::optional<v1::Reply> receive(std::chrono::milliseconds timeout);
+
+  [[nodiscard]] const std::string& endpoint() const { return endpoint_; }
+  [[nodiscard]] std::uint64_t bytes_sent() const { return bytes_sent_; }
+  [[nodiscard]] std::uint64_t bytes_received() const { return bytes_received_; }
+  [[nodiscard]] std::uint64_t messages() const { return messages_; }
+
+private:
+  struct Socket;
+  std::unique_ptr<Socket> socket_;
+  std::string endpoint_;
+  std::uint64_t bytes_sent_ = 0;
+  std::uint64_t bytes_received_ = 0;
+  std::uint64_t messages_ = 0;
+};
+
+/// The participant's end. One thread only, apart from `wake`.
+class ServerChannel {
+public:
+  /// Binds. Throws ChannelError when the endpoint is taken or not understood, or is not local and `insecure`
+  /// is false.
+  ServerChannel(const std::string& endpoint, bool insecure);
+  ~ServerChannel();
+  ServerChannel(const ServerChannel&) = delete;
+  ServerChannel& operator=(const ServerChannel&) = delete;
+
+  struct Incoming {
+    std::string client;                  // routing identity, to answer to
+    std::optional<v1::Request> request;  // nothing when the bytes are not a Request
+  };
+  /// Waits until a message arrives, `wake` was called, or `timeout` passes.
+  [[nodiscard]] std::optional<Incoming> receive(std::chrono::milliseconds timeout);
+  /// False when `client` is no longer connected.
+  [[nodiscard]] bool send(const std::string& client, const v1::Reply& reply);
+  /// Ends the current or next `receive` early. May be called from any thread.
+  void wake();
+  /// The endpoint with the port actually bound, for "tcp://127.0.0.1:*".
+  [[nodiscard]] std::string bound_endpoint() const;
+
+private:
+  struct Socket;
+  std::unique_ptr<Socket> socket_;
+};
+
+}  // namespace estuary
