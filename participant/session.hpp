@@ -1,0 +1,43 @@
+// One run as a participant sees it: answers requests by calling the phase methods in their legal order.
+// Knows no socket and no thread.
+#pragma once
+
+#include <filesystem>
+#include <memory>
+#include <string>
+
+#include "estuary/v1/protocol.pb.h"
+#include "participant.hpp"
+
+namespace estuary {
+
+class Session {
+public:
+  Session(Participant& participant, std::filesystem::path folder, ProgressBoard& board);
+
+  /// Carries out one request (any but Hello) and says how it went. Never throws: whatever the phase method
+  /// throws becomes an Error.
+  v1::Reply answer(const v1::Request& request);
+
+  [[nodiscard]] bool stopped() const { return stopped_; }
+
+private:
+  v1::Reply carry_out(const v1::Request& request);
+  void advance(const v1::Request& request, v1::Reply& reply);
+  void require_started(const char* phase) const;
+  [[nodiscard]] std::filesystem::path inside_folder(const std::string& file) const;
+
+  Participant& participant_;
+  std::filesystem::path folder_;
+  ProgressBoard& board_;
+  bool configured_ = false;
+  bool started_ = false;
+  bool advanced_ = false;  // since the last accept
+  bool stopped_ = false;
+  double compute_seconds_ = 0;
+};
+
+/// The answer to Configure, also used by --check.
+v1::Configured configure(Participant& participant, const v1::Configure& request);
+
+}  // namespace estuary
