@@ -1,0 +1,58 @@
+#include "acceleration.hpp"
+
+#include <algorithm>
+#include <cmath>
+
+#include "coupling_scene.hpp"
+
+namespace estuary::coupler {
+namespace {
+
+void relax(double omega, std::span<const double> residual, std::span<double> iterate) {
+  for (std::size_t i = 0; i < iterate.size(); ++i) iterate[i] += omega * residual[i];
+}
+
+}  // namespace
+
+void ConstantRelaxation::update(std::span<const double> residual, std::span<double> iterate) {
+  relax(omega_, residual, iterate);
+}
+
+AitkenRelaxation::AitkenRelaxation(double initial, double largest)
+    : initial_(initial), largest_(largest), omega_(initial) {}
+
+void AitkenRelaxation::begin_window() {
+  last_residual_.clear();
+  omega_ = std::copysign(std::min(std::abs(omega_), initial_), omega_);
+  if (omega_ == 0.0) omega_ = initial_;
+}
+
+void AitkenRelaxation::update(std::span<const double> residual, std::span<double> iterate) {
+  if (!last_residual_.empty()) {
+    double product = 0;
+    double square = 0;
+    for (std::size_t i = 0; i < residual.size(); ++i) {
+      const double change = residual[i] - last_residual_[i];
+      product += last_residual_[i] * change;
+      square += change * change;
+    }
+    const double next = -omega_ * product / square;  // 0/0 for a repeated residual is not finite
+    if (std::isfinite(next) && next != 0.0) omega_ = std::clamp(next, -largest_, largest_);
+  }
+  last_residual_.assign(residual.begin(), residual.end());
+  relax(omega_, residual, iterate);
+}
+
+std::unique_ptr<Acceleration> make_acceleration(AccelerationKind kind, double relaxation) {
+  switch (kind) {
+    case AccelerationKind::none:
+      return std::make_unique<ConstantRelaxation>(1.0);
+    case AccelerationKind::constant:
+      return std::make_unique<ConstantRelaxation>(relaxation);
+    case AccelerationKind::aitken:
+      break;
+  }
+  return std::make_unique<AitkenRelaxation>(relaxation);
+}
+
+}  // namespace estuary::coupler

@@ -1,0 +1,62 @@
+// Acceleration of the fixed-point iteration x = H(x): from an iterate and its residual r = H(x) - x to the
+// next iterate. Pure objects: no participant, no file, no clock; safe on zero residuals.
+#pragma once
+
+#include <memory>
+#include <span>
+#include <vector>
+
+namespace estuary::coupler {
+
+enum class AccelerationKind;
+
+class Acceleration {
+public:
+  Acceleration() = default;
+  Acceleration(const Acceleration&) = delete;
+  Acceleration& operator=(const Acceleration&) = delete;
+  Acceleration(Acceleration&&) = delete;
+  Acceleration& operator=(Acceleration&&) = delete;
+  virtual ~Acceleration() = default;
+
+  /// Overwrites `iterate` with the next one. Both have the same length in every call of one window.
+  virtual void update(std::span<const double> residual, std::span<double> iterate) = 0;
+  /// A new window begins: forget what holds for one window only.
+  virtual void begin_window() {}
+  /// The factor applied to the last residual, for the log.
+  [[nodiscard]] virtual double relaxation() const = 0;
+};
+
+/// x <- x + omega r. omega = 1: no relaxation.
+class ConstantRelaxation final : public Acceleration {
+public:
+  explicit ConstantRelaxation(double omega) : omega_(omega) {}
+  void update(std::span<const double> residual, std::span<double> iterate) override;
+  [[nodiscard]] double relaxation() const override { return omega_; }
+
+private:
+  double omega_;
+};
+
+/// Aitken's dynamic relaxation for vectors (Irons & Tuck 1969; Kuettler & Wall 2008, eq. 44):
+///   omega_{k+1} = -omega_k  r_k . (r_{k+1} - r_k) / |r_{k+1} - r_k|^2.
+/// The first iteration of a window uses the last factor of the window before, held to the initial factor in
+/// size. A residual that did not change, or a factor that is not finite, keeps the factor; its size is
+/// bounded by `largest`.
+class AitkenRelaxation final : public Acceleration {
+public:
+  explicit AitkenRelaxation(double initial, double largest = 2.0);
+  void update(std::span<const double> residual, std::span<double> iterate) override;
+  void begin_window() override;
+  [[nodiscard]] double relaxation() const override { return omega_; }
+
+private:
+  double initial_;
+  double largest_;
+  double omega_;
+  std::vector<double> last_residual_;  // empty at a window's start
+};
+
+std::unique_ptr<Acceleration> make_acceleration(AccelerationKind kind, double relaxation);
+
+}  // namespace estuary::coupler

@@ -1,0 +1,47 @@
+// A solver process started by the coupler.
+#pragma once
+
+#include <sys/types.h>
+
+#include <filesystem>
+#include <optional>
+#include <string>
+#include <vector>
+
+namespace estuary::coupler {
+
+/// Finds a program: a path with a slash (from the current folder), beside the coupler, or on PATH, in this
+/// order. Nothing when there is no such program that may be executed.
+std::optional<std::filesystem::path> find_program(const std::string& name);
+
+/// Runs `words` with `input` on its standard input and returns what it wrote to standard output and its exit
+/// status; throws std::runtime_error when it cannot be started or runs longer than `seconds`.
+struct Finished {
+  std::string output;
+  std::string errors;
+  int status = 0;  // exit status, or 128 + signal
+};
+Finished run_program(const std::vector<std::string>& words, const std::string& input, double seconds);
+
+/// A running process in a process group of its own, told to end when the coupler dies. Its destructor ends
+/// it.
+class ChildProcess {
+public:
+  /// Output and errors are appended to `log`. Throws std::runtime_error when it cannot be started.
+  ChildProcess(const std::vector<std::string>& words, const std::filesystem::path& log);
+  ~ChildProcess();
+  ChildProcess(const ChildProcess&) = delete;
+  ChildProcess& operator=(const ChildProcess&) = delete;
+
+  /// How it ended ("killed by signal 9", "exit status 1"), or nothing while it runs.
+  std::optional<std::string> ended();
+  /// Waits up to `seconds` for its end, then kills the whole group.
+  void end(double seconds);
+  [[nodiscard]] pid_t process() const { return process_; }
+
+private:
+  pid_t process_ = -1;
+  std::optional<std::string> ended_;
+};
+
+}  // namespace estuary::coupler

@@ -1,0 +1,215 @@
+#include "coupling_scene.hpp"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <sstream>
+
+namespace estuary::coupler {
+namespace {
+
+constexpr std::array<std::string_view, 3> roles = {"fluid", "solid", "grains"};
+constexpr std::array<std::string_view, 6> statistics = {"last", "min", "max", "mean", "amplitude", "phase"};
+
+std::string default_program(std::string_view role) {
+  if (role == "fluid") return "fluid-lbm";
+  if (role == "solid") return "solid-sph";
+  return "grains-dem";
+}
+
+std::vector<std::string> split_words(const std::string& text) {
+  std::istringstream stream(text);
+  std::vector<std::string> words;
+  for (std::string word; stream >> word;) words.push_back(word);
+  return words;
+}
+
+void read_participants(SceneTable& root, CouplingScene& result) {
+  for (const auto role : roles) {
+    auto table = root.table_if(role);
+    if (!table) continue;
+    ParticipantScene participant{.role = std::string(role), .command = {}, .endpoint = {}, .threads = 0};
+    if (table->has("connect")) {
+      participant.endpoint = table->text("connect");
+      if (table->has("solver")) {
+        table->problem("connect",
+                       "give either `solver` (a program to launch) or `connect` (a running one), not both");
+      }
+    } else {
+      participant.command = split_words(table->text_or("solver", default_program(role)));
+      if (participant.command.empty()) table->problem("solver", "the program to launch is empty");
+    }
+    participant.threads = static_cast<int>(table->integer_or("threads", 0, 0, 1024));
+    result.participants.push_back(std::move(participant));
+  }
+  if (result.participants.empty()) {
+    root.problem("",
+                 "the scene has no participant: add at least one of the tables [fluid], [solid], [grains]");
+  }
+}
+
+void read_windows(SceneTable& coupling, CouplingScene& result) {
+  result.window = coupling.number("window", Range::positive());
+  result.end_time = coupling.number("end_time", Range::positive());
+  if (!(result.window > 0) || !(result.end_time > 0)) return;
+  const double count = result.end_time / result.window;
+  result.windows = static_cast<std::uint64_t>(std::llround(count));
+  if (count > 1e12) {
+    coupling.problem("window", fmt::format("{} windows are too many", count));
+  } else if (result.windows == 0 || std::abs(count - static_cast<double>(result.windows)) > 1e-6 * count) {
+    coupling.problem(
+        "end_time",
+        fmt::format("{} s is not a whole number of windows of {} s; the nearest that is: {} s",
+                    result.end_time, result.window, std::max(1.0, std::round(count)) * result.window));
+  }
+}
+
+void read_coupling(SceneTable coupling, CouplingScene& result) {
+  constexpr std::array<std::string_view, 2> modes = {"steady", "transient"};
+  result.mode =
+      coupling.choice("mode", modes) == "transient" ? CouplingMode::transient : CouplingMode::steady;
+  if (result.mode == CouplingMode::transient) {
+    read_windows(coupling, result);
+  } else {
+    for (const auto* key : {"window", "end_time"}) {
+      if (coupling.has(key)) coupling.problem(key, "has no meaning in steady mode");
+    }
+    coupling.leave_to_others({"window", "end_time"});
+  }
+  constexpr std::array<std::string_view, 2> schemes = {"serial-implicit", "serial-explicit"};
+  result.scheme = coupling.choice("scheme", schemes) == "serial-explicit" ? Scheme::serial_explicit
+                                                                          : Scheme::serial_implicit;
+  if (result.scheme == Scheme::serial_explicit && result.mode == CouplingMode::steady) {
+    coupling.problem("scheme",
+                     "steady mode iterates to the common equilibrium and needs \"serial-implicit\"");
+  }
+  constexpr std::array<std::string_view, 3> accelerations = {"aitken", "constant", "none"};
+  const std::string acceleration = coupling.choice("acceleration", accelerations);
+  result.acceleration = acceleration == "none"       ? AccelerationKind::none
+                        : acceleration == "constant" ? AccelerationKind::constant
+                                                     : AccelerationKind::aitken;
+  constexpr std::array<std::string_view, 2> predictors = {"linear", "none"};
+  result.predictor = coupling.choice("predictor", predictors) == "none" ? Predictor::none : Predictor::linear;
+  result.relaxation = coupling.number_or("relaxation", 0.5, {.minimum = 1e-6, .maximum = 2.0});
+  result.tolerance = coupling.number_or("tolerance", 1e-4, {.minimum = 1e-14, .maximum = 1.0});
+  if (coupling.has("force_tolerance")) {
+    result.force_tolerance = coupling.number("force_tolerance", {.minimum = 1e-14, .maximum = 1.0});
+  }
+  result.max_iterations = static_cast<int>(coupling.integer_or("max_iterations", 50, 1, 100000));
+  constexpr std::array<std::string_view, 2> ends = {"fail", "go-on"};
+  result.at_maximum =
+      coupling.choice("at_max_iterations", ends) == "fail" ? AtMaximum::fail : AtMaximum::go_on;
+  result.connect_timeout = coupling.number_or("connect_timeout", 30.0, {.minimum = 0.1, .maximum = 86400});
+  result.stall_timeout = coupling.number_or("stall_timeout", 300.0, {.minimum = 1.0, .maximum = 1e7});
+}
+
+void read_watches(SceneTable& root, CouplingScene& result) {
+  for (auto& table : root.tables("watch")) {
+    WatchScene watch;
+    watch.name = table.text("name");
+    watch.participant = table.text("participant");
+    if (table.has("angular_frequency"))
+      watch.angular_frequency = table.number("angular_frequency", Range::positive());
+    watch.from_time = table.number_or("from_time", 0.0, Range::not_negative());
+    table.leave_to_others({"point", "line", "samples"});  // where to look is the participant's business
+    if (watch.name.find_first_not_of("abcdefghijklmnopqrstuvwxyzABCDEFGHIJKLMNOPQRSTUVWXYZ0123456789_-") !=
+        std::string::npos) {
+      table.problem("name", "a watch is named with letters, digits, '_' and '-': it becomes a file name");
+    } else if (watch.name == "coupling" || watch.name == "run") {
+      table.problem("name", fmt::format("'{}' is reserved for the run's own figures", watch.name));
+    }
+    for (const auto& other : result.watches) {
+      if (other.name == watch.name)
+        table.problem("name", fmt::format("a second watch named '{}'", watch.name));
+    }
+    if (!watch.participant.empty() && result.find(watch.participant) == nullptr) {
+      table.problem("participant", fmt::format("the scene has no participant '{}'", watch.participant));
+    }
+    result.watches.push_back(std::move(watch));
+  }
+}
+
+bool known_quantity(const std::string& quantity, const CouplingScene& scene) {
+  const std::size_t dot = quantity.find('.');
+  if (dot == std::string::npos) return false;
+  const std::string owner = quantity.substr(0, dot);
+  if (owner == "coupling" || owner == "run") return true;
+  return std::any_of(scene.watches.begin(), scene.watches.end(),
+                     [&](const WatchScene& watch) { return watch.name == owner; });
+}
+
+void read_checks(SceneTable& root, CouplingScene& result) {
+  for (auto& table : root.tables("check")) {
+    CheckScene check;
+    check.quantity = table.text("quantity");
+    check.source = table.text_or("source", "");
+    const auto optional_number = [&](const char* key, Range range) {
+      return table.has(key) ? std::optional<double>(table.number(key, range)) : std::nullopt;
+    };
+    check.reference = optional_number("reference", Range::any());
+    check.relative_tolerance = optional_number("tolerance", Range::not_negative());
+    check.absolute_tolerance = optional_number("absolute_tolerance", Range::not_negative());
+    check.at_most = optional_number("at_most", Range::any());
+    check.at_least = optional_number("at_least", Range::any());
+    const bool compares = check.reference.has_value();
+    const bool tolerates = check.relative_tolerance || check.absolute_tolerance;
+    if (compares != tolerates || (!compares && !check.at_most && !check.at_least)) {
+      table.problem("quantity",
+                    "a check needs `reference` with `tolerance` (relative) or `absolute_tolerance`, or "
+                    "one of `at_most` and `at_least`");
+    }
+    if (check.reference == 0.0 && check.relative_tolerance) {
+      table.problem("tolerance", "a relative tolerance means nothing around 0; use `absolute_tolerance`");
+    }
+    if (!check.quantity.empty() && !known_quantity(check.quantity, result)) {
+      table.problem("quantity",
+                    fmt::format("'{}' is not WATCH.QUANTITY of a [[watch]] of this scene, nor "
+                                "coupling.iterations, coupling.total_iterations, run.windows or run.wall_s",
+                                check.quantity));
+    }
+    const std::string last = check.quantity.substr(check.quantity.rfind('.') + 1);
+    if (last == "amplitude" || last == "phase") {
+      for (const auto& watch : result.watches) {
+        if (check.quantity.starts_with(watch.name + ".") && !watch.angular_frequency) {
+          table.problem(
+              "quantity",
+              fmt::format("the watch '{}' needs `angular_frequency` for an amplitude or phase", watch.name));
+        }
+      }
+    }
+    result.checks.push_back(std::move(check));
+  }
+}
+
+}  // namespace
+
+const ParticipantScene* CouplingScene::find(std::string_view role) const {
+  const auto found =
+      std::find_if(participants.begin(), participants.end(),
+                   [&](const ParticipantScene& participant) { return participant.role == role; });
+  return found == participants.end() ? nullptr : &*found;
+}
+
+CouplingScene read_coupling_scene(Scene& scene) {
+  CouplingScene result;
+  SceneTable root = scene.root();
+  result.title = root.text_or("title", scene.name());
+  result.dimension = static_cast<int>(root.integer_or("dimension", 2, 2, 3));
+  read_participants(root, result);
+  read_coupling(root.table("coupling"), result);
+  if (auto output = root.table_if("output")) {
+    result.frames = output->boolean_or("frames", true);
+    result.frame_interval =
+        static_cast<std::uint64_t>(output->integer_or("frame_interval", 0, 0, 1'000'000'000));
+  }
+  read_watches(root, result);
+  read_checks(root, result);
+  // Each participant reads its own table and refuses what it does not know there.
+  root.leave_to_others({"fluid", "solid", "grains"});
+  root.refuse_unknown_keys();
+  return result;
+}
+
+}  // namespace estuary::coupler

@@ -1,0 +1,79 @@
+// The coupler's own part of a scene: who takes part, how they are coupled, what is written, watched and
+// checked.
+#pragma once
+
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "scene.hpp"
+
+namespace estuary::coupler {
+
+enum class CouplingMode { steady, transient };
+enum class Scheme { serial_explicit, serial_implicit };
+enum class AccelerationKind { none, constant, aitken };
+enum class AtMaximum { fail, go_on };
+enum class Predictor { none, linear };
+
+/// One participant's launch. Either `command` (words, run on this machine) or `endpoint` (already running).
+struct ParticipantScene {
+  std::string role;  // the scene's table: "fluid", "solid", "grains"
+  std::vector<std::string> command;
+  std::string endpoint;
+  int threads = 0;  // 0: all cores
+};
+
+struct WatchScene {
+  std::string name;
+  std::string participant;
+  /// For amplitude and phase of cos(angular_frequency t + phase), fitted over whole periods from `from_time`
+  /// on.
+  std::optional<double> angular_frequency;
+  double from_time = 0;
+};
+
+/// `quantity` is WATCH.QUANTITY or WATCH.QUANTITY.STATISTIC (last, min, max, mean, amplitude, phase), or one
+/// of coupling.iterations (the largest of all windows), coupling.total_iterations, run.windows, run.wall_s.
+struct CheckScene {
+  std::string quantity;
+  std::optional<double> reference;
+  std::optional<double> relative_tolerance;
+  std::optional<double> absolute_tolerance;
+  std::optional<double> at_most;
+  std::optional<double> at_least;
+  std::string source;
+};
+
+struct CouplingScene {
+  std::string title;
+  int dimension = 2;
+  CouplingMode mode = CouplingMode::steady;
+  Scheme scheme = Scheme::serial_implicit;
+  AccelerationKind acceleration = AccelerationKind::aitken;
+  Predictor predictor = Predictor::linear;
+  AtMaximum at_maximum = AtMaximum::fail;
+  double relaxation = 0.5;
+  double tolerance = 1e-4;                // relative L2 norm of the displacement increment
+  std::optional<double> force_tolerance;  // the same for the nodal forces
+  int max_iterations = 50;
+  double window = 0;    // [s]; 0 in steady mode
+  double end_time = 0;  // [s]
+  std::uint64_t windows = 1;
+  double connect_timeout = 30;  // [s] until the first answer
+  double stall_timeout = 300;   // [s] computing without any progress
+  std::uint64_t frame_interval =
+      0;  // windows (iterations in steady mode) between frames; 0: first and last only
+  bool frames = true;
+  std::vector<ParticipantScene> participants;
+  std::vector<WatchScene> watches;
+  std::vector<CheckScene> checks;
+
+  [[nodiscard]] const ParticipantScene* find(std::string_view role) const;
+};
+
+/// Reads everything that is not inside a participant's own table and refuses unknown keys there. Problems are
+/// noted in the scene.
+CouplingScene read_coupling_scene(Scene& scene);
+
+}  // namespace estuary::coupler

@@ -1,0 +1,27 @@
+// The ways a run can end other than well, each with the exit status of the command.
+#pragma once
+
+#include <stdexcept>
+#include <string>
+#include <utility>
+
+namespace estuary::coupler {
+
+enum class ExitStatus : int {
+  done = 0,
+  check_failed = 1,
+  wrong_scene = 2,  // scene or command line; nothing was launched
+  no_solution = 3,  // diverged or did not converge
+  participant_lost = 4,
+  interrupted = 130
+};
+
+/// One line says who, when and what; `advice` what to try.
+struct RunFailure : std::runtime_error {
+  RunFailure(ExitStatus exit_status, const std::string& line, std::string advice_text = {})
+      : std::runtime_error(line), status(exit_status), advice(std::move(advice_text)) {}
+  ExitStatus status;
+  std::string advice;
+};
+
+}  // namespace estuary::coupler

@@ -1,0 +1,147 @@
+// The command a person types.
+#include <fmt/format.h>
+#include <unistd.h>
+
+#include <CLI/CLI.hpp>
+#include <atomic>
+#include <csignal>
+#include <fstream>
+#include <sstream>
+
+#include "channel.hpp"
+#include "plan.hpp"
+#include "report.hpp"
+#include "run_command.hpp"
+
+namespace {
+
+using namespace estuary;
+using namespace estuary::coupler;
+
+std::atomic<bool> interrupt{false};
+void on_interrupt(int /*signal*/) {
+  interrupt = true;
+}
+
+int exit_code(ExitStatus status) {
+  return static_cast<int>(status);
+}
+
+// Reads and checks; prints every problem. Nothing when the scene cannot be used.
+std::optional<CheckedScene> checked_scene(const std::string& path,
+                                          const std::vector<std::string>& overrides) {
+  std::ifstream file(path);
+  std::ostringstream text;
+  if (file) text << file.rdbuf();
+  if (!file || !text) {
+    fmt::print(stderr, "{}: cannot be read\n", path);
+    return std::nullopt;
+  }
+  CheckedScene checked = check_scene({.name = path, .text = text.str(), .overrides = overrides});
+  for (const auto& problem : checked.problems) fmt::print(stderr, "{}\n", describe(path, problem));
+  if (!checked.problems.empty()) {
+    fmt::print(stderr, "{} problem{} in {}; nothing was launched\n", checked.problems.size(),
+               checked.problems.size() == 1 ? "" : "s", path);
+    return std::nullopt;
+  }
+  return checked;
+}
+
+int run(const std::string& path, std::string folder, const std::vector<std::string>& overrides) {
+  const auto checked = checked_scene(path, overrides);
+  if (!checked) return exit_code(ExitStatus::wrong_scene);
+  if (folder.empty()) folder = (std::filesystem::path("runs") / std::filesystem::path(path).stem()).string();
+  for (const auto& [role, configured] : checked->participants) {
+    for (const auto& warning : configured.warnings()) fmt::print(stderr, "{}: warning: {}\n", role, warning);
+  }
+  return exit_code(run_scene(*checked, folder, interrupt));
+}
+
+int check(const std::string& path, const std::vector<std::string>& overrides) {
+  const auto checked = checked_scene(path, overrides);
+  if (!checked) return exit_code(ExitStatus::wrong_scene);
+  fmt::print("{}", plan_text(*checked));
+  return exit_code(ExitStatus::done);
+}
+
+int ping(const std::string& endpoint, double timeout) {
+  try {
+    ClientChannel channel(endpoint);
+    v1::Request request;
+    request.mutable_header()->set_protocol_version(protocol_version);
+    request.mutable_header()->set_sequence(1);
+    request.mutable_hello();
+    channel.send(request);
+    const auto reply = channel.receive(std::chrono::milliseconds(static_cast<long>(1000 * timeout)));
+    if (!reply || !reply->has_welcome()) {
+      fmt::print(stderr, "{}: {}\n", endpoint,
+                 reply ? reply->error().message() : fmt::format("no answer within {} s", timeout));
+      return exit_code(ExitStatus::participant_lost);
+    }
+    const auto& welcome = reply->welcome();
+    fmt::print("{} {} at {}, process {}\n  roles {}\n  can {}\n  {}\n", welcome.name(), welcome.version(),
+               endpoint, welcome.process(), fmt::join(welcome.roles(), ", "),
+               fmt::join(welcome.capabilities(), ", "),
+               welcome.run_id().empty() ? "free" : "serves run " + welcome.run_id());
+    return exit_code(ExitStatus::done);
+  } catch (const std::exception& error) {
+    fmt::print(stderr, "{}\n", error.what());
+    return exit_code(ExitStatus::wrong_scene);
+  }
+}
+
+int report(const std::string& folder) {
+  try {
+    write_report(folder);
+    fmt::print("{}\n", (std::filesystem::path(folder) / "report.html").string());
+    return exit_code(ExitStatus::done);
+  } catch (const std::exception& error) {
+    fmt::print(stderr, "{}: {}\n", folder, error.what());
+    return exit_code(ExitStatus::wrong_scene);
+  }
+}
+
+}  // namespace
+
+int main(int argc, char** argv) {
+  std::signal(SIGPIPE, SIG_IGN);
+  std::signal(SIGINT, on_interrupt);
+  std::signal(SIGTERM, on_interrupt);
+
+  CLI::App app{"Estuary: couples fluid, solid and granular solvers that run as separate processes"};
+  app.require_subcommand(1);
+  app.set_version_flag("--version", ESTUARY_VERSION);
+  std::string scene;
+  std::string folder;
+  std::vector<std::string> overrides;
+  auto* run_command = app.add_subcommand("run", "Run a scene");
+  auto* check_command = app.add_subcommand("check", "Check a scene and print what a run would do");
+  for (auto* command : {run_command, check_command}) {
+    command->add_option("scene", scene, "The scene file (TOML)")->required();
+    command->add_option("--set", overrides, "Change a value of the scene: key.path=value; may be repeated")
+        ->take_all()
+        ->allow_extra_args(false);
+  }
+  run_command->add_option("--out", folder, "Folder for what the run leaves behind; runs/<scene> by default");
+  auto* report_command = app.add_subcommand("report", "Make one HTML page of a finished run");
+  report_command->add_option("folder", folder, "The run's folder")->required();
+  auto* ping_command = app.add_subcommand("ping", "Ask a running participant who it is");
+  std::string endpoint;
+  double timeout = 2.0;
+  ping_command->add_option("endpoint", endpoint, "ipc:///path or tcp://host:port")->required();
+  ping_command->add_option("--timeout", timeout, "Seconds to wait for the answer")->capture_default_str();
+  try {
+    app.parse(argc, argv);
+  } catch (const CLI::ParseError& error) {
+    return app.exit(error) == 0 ? 0 : exit_code(ExitStatus::wrong_scene);
+  }
+  try {
+    if (*run_command) return run(scene, folder, overrides);
+    if (*check_command) return check(scene, overrides);
+    if (*report_command) return report(folder);
+    return ping(endpoint, timeout);
+  } catch (const std::exception& error) {
+    fmt::print(stderr, "coupler: {}\n", error.what());
+    return exit_code(ExitStatus::wrong_scene);
+  }
+}

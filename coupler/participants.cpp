@@ -1,0 +1,297 @@
+#include "participants.hpp"
+
+#include <fmt/format.h>
+#include <spdlog/spdlog.h>
+#include <unistd.h>
+
+#include <algorithm>
+#include <cstdlib>
+#include <cstring>
+#include <random>
+
+#include "failure.hpp"
+
+namespace estuary::coupler {
+namespace {
+
+using std::chrono::steady_clock;
+
+// How often a wait looks at everything that is not a message: children that ended, silence, an interrupt.
+constexpr std::chrono::milliseconds look_round{20};
+// A reply that has not come although the participant says it is idle was lost; ask again.
+constexpr double ask_again_after = 1.0;
+
+double seconds_since(steady_clock::time_point begin) {
+  return std::chrono::duration<double>(steady_clock::now() - begin).count();
+}
+
+std::string new_run_id() {
+  std::random_device random;
+  return fmt::format("{:08x}{:08x}", random(), random());
+}
+
+std::filesystem::path make_socket_folder() {
+  std::string name = (std::filesystem::temp_directory_path() / "estuary-XXXXXX").string();
+  if (::mkdtemp(name.data()) == nullptr) {
+    throw RunFailure(
+        ExitStatus::participant_lost,
+        fmt::format("cannot make a folder for local sockets at {}: {}", name, std::strerror(errno)));
+  }
+  return name;
+}
+
+std::string at(const Position& position) {
+  return fmt::format("window {}, iteration {}", position.window, position.iteration);
+}
+
+ExitStatus status_of(v1::Error::Kind kind) {
+  switch (kind) {
+    case v1::Error::DIVERGED:
+    case v1::Error::NOT_CONVERGED:
+      return ExitStatus::no_solution;
+    default:
+      return ExitStatus::participant_lost;
+  }
+}
+
+}  // namespace
+
+const char* phase_name(const v1::Request& request) {
+  switch (request.phase_case()) {
+    case v1::Request::kHello:
+      return "hello";
+    case v1::Request::kConfigure:
+      return "configure";
+    case v1::Request::kStart:
+      return "start";
+    case v1::Request::kAdvance:
+      return "advance";
+    case v1::Request::kAccept:
+      return "accept";
+    case v1::Request::kSave:
+      return "save";
+    case v1::Request::kLoad:
+      return "load";
+    case v1::Request::kFrame:
+      return "frame";
+    case v1::Request::kStop:
+      return "stop";
+    case v1::Request::PHASE_NOT_SET:
+      break;
+  }
+  return "nothing";
+}
+
+Participants::Participants(const CouplingScene& scene, const std::filesystem::path& folder,
+                           const std::atomic<bool>& interrupt, WaitingObserver observer)
+    : scene_(scene),
+      interrupt_(interrupt),
+      observer_(std::move(observer)),
+      run_id_(new_run_id()),
+      sockets_(make_socket_folder()) {
+  try {
+    for (const auto& entry : scene.participants) {
+      const std::string endpoint = entry.endpoint.empty()
+                                       ? fmt::format("ipc://{}/{}", (sockets_).string(), entry.role)
+                                       : entry.endpoint;
+      auto participant = std::make_unique<RemoteParticipant>(entry, endpoint);
+      if (entry.endpoint.empty()) launch(*participant, endpoint, folder);
+      all_.push_back(std::move(participant));
+    }
+    for (auto& participant : all_) greet(*participant);
+  } catch (const ChannelError& error) {
+    std::filesystem::remove_all(sockets_);
+    throw RunFailure(ExitStatus::participant_lost, error.what());
+  } catch (...) {
+    std::error_code ignored;
+    std::filesystem::remove_all(sockets_, ignored);
+    throw;
+  }
+}
+
+Participants::~Participants() {
+  all_.clear();  // ends every child
+  std::error_code ignored;
+  std::filesystem::remove_all(sockets_, ignored);
+}
+
+void Participants::launch(RemoteParticipant& participant, const std::string& endpoint,
+                          const std::filesystem::path& folder) {
+  const ParticipantScene& entry = participant.scene_;
+  std::vector<std::string> words = entry.command;
+  if (const auto program = find_program(words.front())) words.front() = program->string();
+  words.insert(words.end(), {"--bind", endpoint, "--folder", (folder / entry.role).string(),
+                             "--orphan-timeout", fmt::format("{}", scene_.connect_timeout)});
+  if (entry.threads > 0) words.insert(words.end(), {"--threads", std::to_string(entry.threads)});
+  spdlog::info("{}: launches {}", entry.role, fmt::join(words, " "));
+  try {
+    participant.child_ = std::make_unique<ChildProcess>(words, folder / "log" / (entry.role + ".log"));
+  } catch (const std::exception& error) {
+    throw RunFailure(ExitStatus::participant_lost, fmt::format("{}: {}", entry.role, error.what()));
+  }
+}
+
+void Participants::greet(RemoteParticipant& participant) {
+  v1::Request hello;
+  hello.mutable_hello();
+  const v1::Reply reply = ask(participant, std::move(hello), {});
+  participant.identity_ = reply.welcome();
+  const auto& welcome = participant.identity_;
+  if (!reply.has_welcome()) {
+    throw RunFailure(ExitStatus::participant_lost,
+                     fmt::format("{}: {} answered Hello with something else than Welcome", participant.role(),
+                                 participant.channel_.endpoint()));
+  }
+  if (std::find(welcome.roles().begin(), welcome.roles().end(), participant.role()) ==
+      welcome.roles().end()) {
+    throw RunFailure(ExitStatus::wrong_scene,
+                     fmt::format("{}: {} {} at {} cannot play this part; it can be: {}", participant.role(),
+                                 welcome.name(), welcome.version(), participant.channel_.endpoint(),
+                                 fmt::join(welcome.roles(), ", ")));
+  }
+  spdlog::info("{}: {} {} at {}, process {}", participant.role(), welcome.name(), welcome.version(),
+               participant.channel_.endpoint(), welcome.process());
+}
+
+RemoteParticipant* Participants::find(std::string_view role) {
+  const auto found = std::find_if(all_.begin(), all_.end(),
+                                  [&](const auto& participant) { return participant->role() == role; });
+  return found == all_.end() ? nullptr : found->get();
+}
+
+std::optional<v1::Reply> Participants::listen(RemoteParticipant& participant, std::uint64_t sequence,
+                                              std::chrono::milliseconds timeout) {
+  while (auto reply = participant.channel_.receive(timeout)) {
+    timeout = std::chrono::milliseconds(0);
+    const auto now = steady_clock::now();
+    participant.last_heard_ = now;
+    if (reply->has_progress()) {
+      if (reply->progress().counter() != participant.progress_.counter()) participant.last_progress_ = now;
+      participant.progress_ = std::move(*reply->mutable_progress());
+      continue;
+    }
+    if (reply->header().protocol_version() != protocol_version) {
+      throw ChannelError(fmt::format("speaks protocol version {}, this coupler {}",
+                                     reply->header().protocol_version(), protocol_version));
+    }
+    if (sequence != 0 && reply->header().sequence() == sequence) return reply;
+    // The repeated answer to a repeated question: already known.
+  }
+  return std::nullopt;
+}
+
+void Participants::check_alive(RemoteParticipant& participant, const RemoteParticipant& asked,
+                               const char* phase, const Position& position) {
+  const auto lost = [&](const std::string& how) {
+    const std::string while_what = &participant == &asked
+                                       ? fmt::format("in phase {}", phase)
+                                       : fmt::format("while {} was in phase {}", asked.role(), phase);
+    return RunFailure(ExitStatus::participant_lost,
+                      fmt::format("participant '{}' was lost at {}, {}: {}", participant.role(), at(position),
+                                  while_what, how));
+  };
+  if (participant.child_) {
+    if (const auto how = participant.child_->ended()) throw lost(*how);
+  }
+  if (participant.last_heard_ && steady_clock::now() - *participant.last_heard_ > lost_after) {
+    throw lost(fmt::format("nothing heard from it for {:.1f} s", seconds_since(*participant.last_heard_)));
+  }
+}
+
+v1::Reply Participants::ask(RemoteParticipant& participant, v1::Request request, const Position& position) {
+  auto* header = request.mutable_header();
+  header->set_protocol_version(protocol_version);
+  header->set_run_id(run_id_);
+  header->set_window(position.window);
+  header->set_iteration(position.iteration);
+  header->set_sequence(++participant.sequence_);
+  const char* phase = phase_name(request);
+  const bool greeting = request.has_hello();
+
+  const auto begin = steady_clock::now();
+  auto next_look = begin + look_round;
+  auto asked_at = begin;
+  participant.last_progress_ = begin;
+  std::optional<v1::Reply> reply;
+  try {
+    participant.channel_.send(request);
+    while (true) {
+      reply = listen(participant, header->sequence(), look_round);
+      if (reply) break;
+      if (steady_clock::now() < next_look) continue;
+      next_look = steady_clock::now() + look_round;
+      if (interrupt_) {
+        throw RunFailure(ExitStatus::interrupted, fmt::format("interrupted at {}, while {} was in phase {}",
+                                                              at(position), participant.role(), phase));
+      }
+      for (auto& other : all_) {
+        if (other.get() != &participant) (void)listen(*other, 0, std::chrono::milliseconds(0));
+        check_alive(*other, participant, phase, position);
+      }
+      check_alive(participant, participant, phase, position);
+      const double waited = seconds_since(begin);
+      if (greeting && waited > scene_.connect_timeout) {
+        throw RunFailure(ExitStatus::participant_lost,
+                         fmt::format("participant '{}' did not answer at {} within {} s", participant.role(),
+                                     participant.channel_.endpoint(), scene_.connect_timeout),
+                         "start it, check the address, or raise coupling.connect_timeout");
+      }
+      if (!greeting && seconds_since(participant.last_progress_) > scene_.stall_timeout) {
+        throw RunFailure(
+            ExitStatus::participant_lost,
+            fmt::format("participant '{}' made no progress for {:.0f} s at {}, in phase {}",
+                        participant.role(), seconds_since(participant.last_progress_), at(position), phase),
+            "raise coupling.stall_timeout if it is only slow");
+      }
+      const bool reply_lost = participant.progress_.phase() == "idle" && participant.last_heard_ &&
+                              seconds_since(asked_at) > ask_again_after;
+      if (!greeting && reply_lost) {
+        participant.channel_.send(request);
+        asked_at = steady_clock::now();
+      }
+      if (observer_) observer_(participant, phase, waited);
+    }
+  } catch (const ChannelError& error) {
+    throw RunFailure(ExitStatus::participant_lost,
+                     fmt::format("participant '{}' at {}, in phase {}: {}", participant.role(), at(position),
+                                 phase, error.what()));
+  }
+  if (!greeting) {
+    const double waited = seconds_since(begin);
+    participant.usage_.wall_s += waited;
+    participant.usage_.exchange_s += std::max(0.0, waited - reply->compute_s());
+  }
+  if (reply->has_error()) {
+    const auto& error = reply->error();
+    throw RunFailure(
+        status_of(error.kind()),
+        fmt::format("participant '{}' at {}, in phase {}{}: {}", participant.role(), at(position), phase,
+                    error.field().empty() ? "" : fmt::format(", field {}", error.field()), error.message()),
+        error.advice());
+  }
+  if (reply->has_advanced()) {
+    participant.work_ = reply->advanced().work();
+  }
+  return std::move(*reply);
+}
+
+void Participants::stop(double seconds) {
+  for (auto& participant : all_) {
+    v1::Request request;
+    request.mutable_stop();
+    auto* header = request.mutable_header();
+    header->set_protocol_version(protocol_version);
+    header->set_run_id(run_id_);
+    header->set_sequence(++participant->sequence_);
+    try {
+      participant->channel_.send(request);
+    } catch (const ChannelError& error) {
+      spdlog::warn("{}: {}", participant->role(), error.what());
+    }
+  }
+  for (auto& participant : all_) {
+    if (participant->child_) participant->child_->end(seconds);
+  }
+}
+
+}  // namespace estuary::coupler

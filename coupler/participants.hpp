@@ -1,0 +1,108 @@
+// The participants of a run as the coupler sees them: launched or connected, asked one phase at a time,
+// watched all the time. Whoever waits for one notices the loss of any.
+#pragma once
+
+#include <atomic>
+#include <chrono>
+#include <filesystem>
+#include <functional>
+#include <memory>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "channel.hpp"
+#include "child_process.hpp"
+#include "coupling_scene.hpp"
+#include "estuary/v1/protocol.pb.h"
+
+namespace estuary::coupler {
+
+/// Where the run is: goes into every message's header and into every failure's line.
+struct Position {
+  std::uint64_t window = 0;
+  std::uint64_t iteration = 0;
+};
+
+/// What one participant cost so far.
+struct Usage {
+  double wall_s = 0;      // between request and reply
+  double exchange_s = 0;  // of that, not spent computing by the participant's own clock
+};
+
+class RemoteParticipant {
+public:
+  RemoteParticipant(ParticipantScene scene, const std::string& endpoint)
+      : scene_(std::move(scene)), channel_(endpoint) {}
+
+  [[nodiscard]] const std::string& role() const { return scene_.role; }
+  [[nodiscard]] const v1::Welcome& identity() const { return identity_; }
+  [[nodiscard]] const v1::Work& work() const { return work_; }
+  [[nodiscard]] const Usage& usage() const { return usage_; }
+  [[nodiscard]] const ClientChannel& channel() const { return channel_; }
+  /// What it last said about itself.
+  [[nodiscard]] const v1::Progress& progress() const { return progress_; }
+
+private:
+  friend class Participants;
+  ParticipantScene scene_;
+  ClientChannel channel_;
+  std::unique_ptr<ChildProcess> child_;  // null when it was connected to
+  v1::Welcome identity_;
+  v1::Work work_;
+  v1::Progress progress_;
+  Usage usage_;
+  std::uint64_t sequence_ = 0;
+  std::optional<std::chrono::steady_clock::time_point> last_heard_;
+  std::chrono::steady_clock::time_point last_progress_{};  // when its counter last grew
+};
+
+/// Called a few times per second while waiting: for whom, what for, and for how long already [s].
+using WaitingObserver = std::function<void(const RemoteParticipant&, const char* phase, double seconds)>;
+
+class Participants {
+public:
+  /// Launches or connects to all of them and waits for their Welcome. `folder` is the run's folder; each
+  /// launched participant writes below `folder`/<role> and logs to `folder`/log/<role>.log.
+  /// Throws RunFailure (participant_lost) naming who did not come and where it was expected.
+  Participants(const CouplingScene& scene, const std::filesystem::path& folder,
+               const std::atomic<bool>& interrupt, WaitingObserver observer);
+  /// Ends everyone.
+  ~Participants();
+  Participants(const Participants&) = delete;
+  Participants& operator=(const Participants&) = delete;
+
+  /// Sends a request and waits for its reply. An Error in the reply, a lost, hung or garbage-sending
+  /// participant (this or any other) and an interrupt become a RunFailure that names participant, phase,
+  /// window and iteration.
+  v1::Reply ask(RemoteParticipant& participant, v1::Request request, const Position& position);
+
+  [[nodiscard]] RemoteParticipant* find(std::string_view role);
+  [[nodiscard]] const std::vector<std::unique_ptr<RemoteParticipant>>& all() const { return all_; }
+  [[nodiscard]] const std::string& run_id() const { return run_id_; }
+
+  /// Asks everyone to stop and waits for them to end, at most `seconds` each, then makes them.
+  void stop(double seconds);
+
+private:
+  void launch(RemoteParticipant& participant, const std::string& endpoint,
+              const std::filesystem::path& folder);
+  void greet(RemoteParticipant& participant);
+  /// Reads what has arrived from `participant`; a reply to `sequence` is returned.
+  std::optional<v1::Reply> listen(RemoteParticipant& participant, std::uint64_t sequence,
+                                  std::chrono::milliseconds timeout);
+  void check_alive(RemoteParticipant& participant, const RemoteParticipant& asked, const char* phase,
+                   const Position& position);
+
+  const CouplingScene& scene_;
+  const std::atomic<bool>& interrupt_;
+  WaitingObserver observer_;
+  std::string run_id_;
+  std::filesystem::path sockets_;  // folder of the local sockets
+  std::vector<std::unique_ptr<RemoteParticipant>> all_;
+};
+
+/// The name of the request's phase, for people.
+const char* phase_name(const v1::Request& request);
+
+}  // namespace estuary::coupler

@@ -1,0 +1,163 @@
+#include "plan.hpp"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <set>
+#include <tuple>
+
+#include "child_process.hpp"
+
+namespace estuary::coupler {
+namespace {
+
+constexpr double check_timeout = 30.0;  // [s] for a program to check its table
+
+void ask_participants(CheckedScene& checked, Scene& scene) {
+  for (const auto& participant : checked.coupling.participants) {
+    if (participant.command.empty()) continue;
+    SceneTable table = scene.root().table(participant.role);
+    const auto program = find_program(participant.command.front());
+    if (!program) {
+      table.problem("solver",
+                    fmt::format("'{}' is not a program: give a path, a name beside the coupler or on PATH",
+                                participant.command.front()));
+      continue;
+    }
+    std::vector<std::string> words = participant.command;
+    words.front() = program->string();
+    words.emplace_back("--check");
+    std::string input;
+    configure_message(checked.given, participant.role).SerializeToString(&input);
+    try {
+      const Finished finished = run_program(words, input, check_timeout);
+      v1::Configured configured;
+      if ((finished.status != 0 && finished.status != 2) || !configured.ParseFromString(finished.output)) {
+        table.problem("solver", fmt::format("'{} --check' ended with status {}: {}",
+                                            participant.command.front(), finished.status, finished.errors));
+        continue;
+      }
+      checked.participants[participant.role] = std::move(configured);
+    } catch (const std::exception& error) {
+      table.problem("solver", error.what());
+    }
+  }
+}
+
+std::vector<SceneProblem> all_problems(const Scene& scene, const CheckedScene& checked) {
+  std::vector<SceneProblem> problems = scene.problems();
+  for (const auto& [role, configured] : checked.participants) {
+    for (const auto& problem : configured.problems()) {
+      problems.push_back({.line = problem.line(), .column = problem.column(), .message = problem.message()});
+    }
+  }
+  const auto place = [](const SceneProblem& problem) {
+    return std::tie(problem.line, problem.column, problem.message);
+  };
+  std::stable_sort(problems.begin(), problems.end(),
+                   [&](const SceneProblem& a, const SceneProblem& b) { return place(a) < place(b); });
+  // What two readers noticed is said once.
+  problems.erase(
+      std::unique(problems.begin(), problems.end(),
+                  [&](const SceneProblem& a, const SceneProblem& b) { return place(a) == place(b); }),
+      problems.end());
+  return problems;
+}
+
+void note_left_out(CheckedScene& checked) {
+  for (const auto* role : {"fluid", "solid", "grains"}) {
+    if (checked.coupling.find(role) == nullptr) {
+      checked.left_out.push_back(
+          fmt::format("{0}: the scene has no [{0}] table, no such process is launched", role));
+    }
+  }
+  if (checked.coupling.participants.size() == 1) {
+    checked.left_out.emplace_back("exchange, mapping and coupling iterations: one participant");
+  }
+  if (!checked.coupling.frames) checked.left_out.emplace_back("field files: output.frames is false");
+  for (const auto& [role, configured] : checked.participants) {
+    for (const auto& item : configured.left_out())
+      checked.left_out.push_back(fmt::format("{}: {}", role, item));
+  }
+}
+
+std::string coupling_text(const CouplingScene& coupling) {
+  std::string text = coupling.mode == CouplingMode::steady
+                         ? std::string("steady: one common equilibrium")
+                         : fmt::format("transient: {} windows of {:g} s to {:g} s", coupling.windows,
+                                       coupling.window, coupling.end_time);
+  if (coupling.participants.size() < 2) return text;
+  if (coupling.scheme == Scheme::serial_explicit) return text + ", serial-explicit";
+  const char* acceleration = coupling.acceleration == AccelerationKind::none       ? "no acceleration"
+                             : coupling.acceleration == AccelerationKind::constant ? "constant relaxation"
+                                                                                   : "Aitken relaxation from";
+  text += fmt::format(", serial-implicit, {}", acceleration);
+  if (coupling.acceleration != AccelerationKind::none) text += fmt::format(" {:g}", coupling.relaxation);
+  return text + fmt::format(", until |d_k - d_(k-1)| < {:g} |d_k|, at most {} iterations", coupling.tolerance,
+                            coupling.max_iterations);
+}
+
+std::string bytes_text(double bytes) {
+  return bytes < 1e6   ? fmt::format("{:.0f} kB", bytes / 1e3)
+         : bytes < 1e9 ? fmt::format("{:.1f} MB", bytes / 1e6)
+                       : fmt::format("{:.2f} GB", bytes / 1e9);
+}
+
+}  // namespace
+
+v1::Configure configure_message(const SceneText& given, const std::string& role) {
+  v1::Configure message;
+  message.set_role(role);
+  message.set_scene_name(given.name);
+  message.set_scene(given.text);
+  for (const auto& entry : given.overrides) message.add_overrides(entry);
+  return message;
+}
+
+CheckedScene check_scene(SceneText given) {
+  CheckedScene checked{.given = std::move(given),
+                       .coupling = {},
+                       .as_run = {},
+                       .problems = {},
+                       .participants = {},
+                       .left_out = {}};
+  Scene scene = Scene::parse(checked.given.text, checked.given.name, checked.given.overrides);
+  checked.as_run = scene.as_run();
+  if (scene.problems().empty()) {
+    checked.coupling = read_coupling_scene(scene);
+    ask_participants(checked, scene);
+  }
+  checked.problems = all_problems(scene, checked);
+  note_left_out(checked);
+  return checked;
+}
+
+std::string plan_text(const CheckedScene& checked) {
+  const CouplingScene& coupling = checked.coupling;
+  std::string text = fmt::format("{}\n  {}\n", coupling.title, coupling_text(coupling));
+  for (const auto& participant : coupling.participants) {
+    const std::string how = participant.endpoint.empty()
+                                ? fmt::format("launch {}", fmt::join(participant.command, " "))
+                                : fmt::format("connect to {}", participant.endpoint);
+    text += fmt::format("{}: {}\n", participant.role, how);
+    const auto found = checked.participants.find(participant.role);
+    if (found == checked.participants.end()) continue;
+    const v1::Configured& configured = found->second;
+    if (!configured.variant().empty())
+      text += fmt::format("  {:<28} {}\n", "kernel variant", configured.variant());
+    for (const auto& entry : configured.plan())
+      text += fmt::format("  {:<28} {}\n", entry.name(), entry.value());
+    if (configured.memory_bytes() > 0) {
+      text += fmt::format("  {:<28} {}\n", "memory", bytes_text(configured.memory_bytes()));
+    }
+    if (configured.expected_updates() > 0) {
+      text += fmt::format("  {:<28} {:.3g}\n", "updates for one pass", configured.expected_updates());
+    }
+    for (const auto& warning : configured.warnings()) text += fmt::format("  warning: {}\n", warning);
+  }
+  text += "left out:\n";
+  for (const auto& item : checked.left_out) text += fmt::format("  {}\n", item);
+  return text;
+}
+
+}  // namespace estuary::coupler

@@ -1,0 +1,86 @@
+// What a run leaves behind, apart from the fields the participants write: convergence.csv, iterations.csv,
+// watch/*.csv. Keeps the watches in memory for the checks.
+#pragma once
+
+#include <array>
+#include <cstdint>
+#include <filesystem>
+#include <fstream>
+#include <map>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "coupling_scene.hpp"
+#include "estuary/v1/protocol.pb.h"
+
+namespace estuary::coupler {
+
+/// One coupling iteration: a row of convergence.csv. Empty values stay empty in the file.
+struct IterationRow {
+  std::uint64_t window = 0;
+  std::uint64_t iteration = 0;
+  double time = 0;      // end of the window [s]
+  double residual = 0;  // |d_k - d_{k-1}|_2 / |d_k|_2
+  std::optional<double> force_residual;
+  double relaxation = 1;
+  double displacement_norm = 0;         // |d_k|_2 over the wet nodes [m]
+  std::array<double, 2> force{};        // sum of the nodal forces [N/m]
+  double moment = 0;                    // about the origin [N]
+  std::array<double, 2> fluid_force{};  // the fluid's own sum over its links [N/m]
+  double fluid_moment = 0;
+  std::array<double, 2> solid_force{};  // as received by the solid's particles [N/m]
+  double solid_moment = 0;
+  double fluid_power = 0;  // nodal forces with the velocities given to the fluid [W/m]
+  double solid_power = 0;  // nodal forces with the velocities the solid answered [W/m]
+  double fluid_s = 0;      // from request to reply
+  double solid_s = 0;
+  double fluid_error = 0;  // the participants' own estimates of their remaining error
+  double solid_error = 0;
+};
+
+/// One accepted (or given up) window: a row of iterations.csv.
+struct WindowRow {
+  std::uint64_t window = 0;
+  std::uint64_t total_iterations = 0;
+  std::uint64_t iterations = 0;
+  std::string verdict;  // converged, not converged, diverged, explicit, alone
+  double time = 0;
+  double residual = 0;
+  double wall_s = 0;
+};
+
+/// All values of one quantity of one watch, in the order recorded.
+struct WatchSeries {
+  std::vector<double> time;  // [s]; the iteration in steady mode
+  std::vector<double> value;
+};
+
+class RunRecord {
+public:
+  /// Makes the folder's files anew. Throws std::runtime_error when they cannot be written.
+  RunRecord(const std::filesystem::path& folder, const CouplingScene& scene);
+
+  void add(const IterationRow& row);
+  void add(const WindowRow& row);
+  void add(const v1::WatchSample& sample, std::uint64_t window, std::uint64_t iteration, double time);
+
+  [[nodiscard]] const std::vector<WindowRow>& windows() const { return windows_; }
+  /// Watch name -> quantity -> series.
+  [[nodiscard]] const std::map<std::string, std::map<std::string, WatchSeries>>& watches() const {
+    return watches_;
+  }
+
+private:
+  std::ofstream& watch_file(const v1::WatchSample& sample);
+  void check(std::ofstream& file, const std::string& name) const;
+
+  std::filesystem::path folder_;
+  std::ofstream convergence_;
+  std::ofstream iterations_;
+  std::map<std::string, std::ofstream> watch_files_;
+  std::map<std::string, std::map<std::string, WatchSeries>> watches_;
+  std::vector<WindowRow> windows_;
+};
+
+}  // namespace estuary::coupler

@@ -1,0 +1,172 @@
+#include "summary.hpp"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cmath>
+#include <fstream>
+#include <nlohmann/json.hpp>
+#include <numeric>
+#include <stdexcept>
+
+namespace estuary::coupler {
+namespace {
+
+using Json = nlohmann::ordered_json;
+
+// JSON has no infinities and no not-a-number: they become null.
+Json number(double value) {
+  return std::isfinite(value) ? Json(value) : Json(nullptr);
+}
+
+double wait_seconds(const RemoteParticipant& participant, double wall_s) {
+  return std::max(0.0, wall_s - participant.usage().wall_s);
+}
+
+// Compute time of every phase method, from the participant's own clock.
+double compute_seconds(const RemoteParticipant& participant) {
+  return participant.usage().wall_s - participant.usage().exchange_s;
+}
+
+double updates_per_second(const RemoteParticipant& participant) {
+  const double seconds = participant.work().compute_s();
+  return seconds > 0 ? participant.work().updates() / seconds : 0.0;
+}
+
+Json participants_json(const CheckedScene& scene, const Participants* participants, double wall_s) {
+  Json all = Json::object();
+  if (participants == nullptr) return all;
+  for (const auto& participant : participants->all()) {
+    const v1::Work& work = participant->work();
+    Json phases = Json::object();
+    for (const auto& phase : work.phases()) phases[phase.phase()] = number(phase.seconds());
+    Json entry = {{"solver", participant->identity().name()},
+                  {"version", participant->identity().version()},
+                  {"wall_s", number(participant->usage().wall_s)},
+                  {"compute_s", number(compute_seconds(*participant))},
+                  {"wait_s", number(wait_seconds(*participant, wall_s))},
+                  {"exchange_s", number(participant->usage().exchange_s)},
+                  {"steps", work.steps()},
+                  {"updates", number(work.updates())},
+                  {"updates_per_s", number(updates_per_second(*participant))},
+                  {"bytes_per_update", number(work.bytes_per_update())},
+                  {"peak_rss_bytes", work.peak_rss_bytes()},
+                  {"phases", phases}};
+    if (const auto found = scene.participants.find(participant->role()); found != scene.participants.end()) {
+      entry["variant"] = found->second.variant();
+      Json plan = Json::object();
+      for (const auto& item : found->second.plan()) plan[item.name()] = item.value();
+      entry["plan"] = plan;
+      entry["warnings"] =
+          std::vector<std::string>(found->second.warnings().begin(), found->second.warnings().end());
+    }
+    all[participant->role()] = entry;
+  }
+  return all;
+}
+
+Json watches_json(const RunRecord& record) {
+  Json all = Json::object();
+  for (const auto& [name, quantities] : record.watches()) {
+    Json entry = Json::object();
+    for (const auto& [quantity, series] : quantities) {
+      if (series.value.empty()) continue;
+      const auto [low, high] = std::minmax_element(series.value.begin(), series.value.end());
+      const double mean = std::accumulate(series.value.begin(), series.value.end(), 0.0) /
+                          static_cast<double>(series.value.size());
+      entry[quantity] = {{"last", number(series.value.back())},
+                         {"min", number(*low)},
+                         {"max", number(*high)},
+                         {"mean", number(mean)}};
+    }
+    all[name] = entry;
+  }
+  return all;
+}
+
+Json checks_json(const std::vector<CheckResult>& checks) {
+  Json all = Json::array();
+  for (const auto& result : checks) {
+    Json entry = {{"quantity", result.check.quantity}, {"value", number(result.value)}};
+    entry["reference"] = result.check.reference ? number(*result.check.reference) : Json(nullptr);
+    if (result.check.at_most) entry["at_most"] = number(*result.check.at_most);
+    if (result.check.at_least) entry["at_least"] = number(*result.check.at_least);
+    entry["error"] = number(result.error);
+    entry["tolerance"] = number(result.tolerance);
+    entry["absolute"] = result.check.absolute_tolerance.has_value();
+    entry["pass"] = result.pass;
+    entry["source"] = result.check.source;
+    all.push_back(entry);
+  }
+  return all;
+}
+
+}  // namespace
+
+void write_summary(const std::filesystem::path& folder, const CheckedScene& scene,
+                   const Participants* participants, const RunRecord& record,
+                   const std::vector<CheckResult>& checks, const RunEnd& end) {
+  std::uint64_t most = 0;
+  for (const auto& window : record.windows()) most = std::max(most, window.iterations);
+  const auto windows = record.windows().size();
+  double exchange_s = 0;
+  std::uint64_t bytes = 0;
+  std::uint64_t messages = 0;
+  if (participants != nullptr) {
+    for (const auto& participant : participants->all()) {
+      exchange_s += participant->usage().exchange_s;
+      bytes += participant->channel().bytes_sent() + participant->channel().bytes_received();
+      messages += participant->channel().messages();
+    }
+  }
+  const Json json = {
+      {"scene", scene.given.name},
+      {"title", scene.coupling.title},
+      {"status", end.status},
+      {"message", end.message},
+      {"wall_s", number(end.wall_s)},
+      {"windows", windows},
+      {"iterations",
+       {{"total", end.total_iterations},
+        {"mean",
+         windows == 0 ? 0.0 : static_cast<double>(end.total_iterations) / static_cast<double>(windows)},
+        {"max", most}}},
+      {"participants", participants_json(scene, participants, end.wall_s)},
+      {"coupling", {{"exchange_s", number(exchange_s)}, {"bytes", bytes}, {"messages", messages}}},
+      {"left_out", scene.left_out},
+      {"watch", watches_json(record)},
+      {"checks", checks_json(checks)}};
+  const auto path = folder / "summary.json";
+  std::ofstream file(path);
+  file << json.dump(2) << '\n';
+  file.close();
+  if (!file) throw std::runtime_error(fmt::format("cannot write {}: is the disk full?", path.string()));
+}
+
+std::string timing_table(const Participants& participants, double wall_s) {
+  std::string text = fmt::format("{:<28} {:>10} {:>8}\n", "time", "seconds", "share");
+  const auto row = [&](const std::string& name, double seconds) {
+    text += fmt::format("{:<28} {:>10.3f} {:>6.1f} %\n", name, seconds,
+                        wall_s > 0 ? 100 * seconds / wall_s : 0.0);
+  };
+  double exchange_s = 0;
+  for (const auto& participant : participants.all()) {
+    row(fmt::format("{} computes", participant->role()), compute_seconds(*participant));
+    for (const auto& phase : participant->work().phases()) row("  " + phase.phase(), phase.seconds());
+    exchange_s += participant->usage().exchange_s;
+  }
+  row("exchange", exchange_s);
+  row("whole run", wall_s);
+  for (const auto& participant : participants.all()) {
+    const v1::Work& work = participant->work();
+    text += fmt::format("{}: {} steps, {:.3g} updates, {:.1f} million updates/s", participant->role(),
+                        work.steps(), work.updates(), updates_per_second(*participant) / 1e6);
+    if (work.bytes_per_update() > 0) {
+      text += fmt::format(" ({:.1f} GB/s)", updates_per_second(*participant) * work.bytes_per_update() / 1e9);
+    }
+    text += fmt::format(", {:.0f} MB\n", static_cast<double>(work.peak_rss_bytes()) / 1e6);
+  }
+  return text;
+}
+
+}  // namespace estuary::coupler

@@ -1,0 +1,32 @@
+// summary.json: what was measured in a run, for people and programs.
+#pragma once
+
+#include <filesystem>
+#include <string>
+#include <vector>
+
+#include "checks.hpp"
+#include "participants.hpp"
+#include "plan.hpp"
+#include "run_record.hpp"
+
+namespace estuary::coupler {
+
+struct RunEnd {
+  std::string
+      status;  // "done", "check failed", "diverged or not converged", "participant lost", "interrupted"
+  std::string message;  // the line a person was told; empty when done
+  double wall_s = 0;
+  std::uint64_t total_iterations = 0;
+};
+
+/// `participants` may be null when none could be launched. Throws std::runtime_error when it cannot be
+/// written.
+void write_summary(const std::filesystem::path& folder, const CheckedScene& scene,
+                   const Participants* participants, const RunRecord& record,
+                   const std::vector<CheckResult>& checks, const RunEnd& end);
+
+/// Phase times, updates per second and memory of each participant, for the end of the run.
+std::string timing_table(const Participants& participants, double wall_s);
+
+}  // namespace estuary::coupler
