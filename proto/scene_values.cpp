@@ -24,8 +24,8 @@ std::string found(const toml::node& node) {
   if (const auto* number = node.as_floating_point()) return fmt::format("the number {}", number->get());
   if (const auto* boolean = node.as_boolean()) return fmt::format("the boolean {}", boolean->get());
   if (const auto* array = node.as_array()) {
-    return array->is_array_of_tables() ? fmt::format("an array of {} tables", array->size())
-                                       : fmt::format("an array of {} values", array->size());
+    return fmt::format("an array of {} {}{}", array->size(), array->is_array_of_tables() ? "table" : "value",
+                       array->size() == 1 ? "" : "s");
   }
   return node.is_table() ? "a table" : "a date or time";
 }
