@@ -1,0 +1,309 @@
+// Real processes over real sockets: the coupler with two participants whose common fixed point is known.
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+#include <signal.h>
+
+#include <chrono>
+#include <cmath>
+#include <filesystem>
+#include <fstream>
+#include <nlohmann/json.hpp>
+#include <sstream>
+#include <thread>
+
+#include "child_process.hpp"
+
+namespace {
+
+using estuary::coupler::ChildProcess;
+using estuary::coupler::Finished;
+using estuary::coupler::run_program;
+using std::chrono::steady_clock;
+using testing::HasSubstr;
+
+const std::string coupler = COUPLER_PROGRAM;
+const std::string participant = LINEAR_PARTICIPANT;
+
+std::string read(const std::filesystem::path& path) {
+  std::ifstream file(path);
+  std::ostringstream text;
+  text << file.rdbuf();
+  return text.str();
+}
+
+// Processes whose command line holds `text`.
+int processes_with(const std::string& text) {
+  int count = 0;
+  for (const auto& entry : std::filesystem::directory_iterator("/proc")) {
+    const std::string line = read(entry.path() / "cmdline");
+    if (line.find(text) != std::string::npos) ++count;
+  }
+  return count;
+}
+
+class CoupledRun : public testing::Test {
+protected:
+  void SetUp() override {
+    const auto* info = testing::UnitTest::GetInstance()->current_test_info();
+    folder_ = std::filesystem::temp_directory_path() / (std::string("estuary-test-") + info->name());
+    std::filesystem::remove_all(folder_);
+    std::filesystem::create_directories(folder_);
+  }
+  void TearDown() override { std::filesystem::remove_all(folder_); }
+
+  std::filesystem::path write_scene(const std::string& fluid, const std::string& solid,
+                                    const std::string& coupling, const std::string& rest = {}) const {
+    const auto path = folder_ / "scene.toml";
+    std::ofstream file(path);
+    file << "title = \"two springs\"\ndimension = 2\n[coupling]\n"
+         << coupling << "\n[fluid]\nsolver = \"" << participant << "\"\n"
+         << fluid << "\n[solid]\nsolver = \"" << participant << "\"\n"
+         << solid << "\n[[watch]]\nname = \"tip\"\nparticipant = \"solid\"\n"
+         << rest;
+    return path;
+  }
+  Finished run(const std::filesystem::path& scene, std::vector<std::string> more = {}) const {
+    std::vector<std::string> words = {coupler, "run", scene.string(), "--out", (folder_ / "out").string()};
+    words.insert(words.end(), more.begin(), more.end());
+    return run_program(words, "", 60);
+  }
+  nlohmann::json summary() const { return nlohmann::json::parse(read(folder_ / "out" / "summary.json")); }
+
+  std::filesystem::path folder_;
+};
+
+TEST_F(CoupledRun, SteadyFindsTheFixedPointAndChecksIt) {
+  const auto scene =
+      write_scene("pressure = 3.0\nslope = 0.6", "stiffness = 1.0", "mode = \"steady\"",
+                  "[[check]]\nquantity = \"tip.displacement\"\nreference = 7.5\ntolerance = 1e-3\n"
+                  "source = \"p / (k - s)\"\n");
+  const Finished finished = run(scene);
+  EXPECT_EQ(finished.status, 0) << finished.errors << finished.output;
+  const auto json = summary();
+  EXPECT_EQ(json["status"], "done");
+  EXPECT_NEAR(json["watch"]["tip"]["displacement"]["last"], 7.5, 7.5e-3);
+  EXPECT_TRUE(json["checks"][0]["pass"]);
+  EXPECT_LE(json["iterations"]["max"], 10);
+  EXPECT_EQ(json["participants"]["fluid"]["solver"], "linear-participant");
+  EXPECT_TRUE(std::filesystem::exists(folder_ / "out" / "solid" / "solid-000000.hdf"));
+}
+
+TEST_F(CoupledRun, AFailingCheckIsExitStatusOne) {
+  const auto scene =
+      write_scene("pressure = 3.0\nslope = 0.6", "stiffness = 1.0", "mode = \"steady\"",
+                  "[[check]]\nquantity = \"tip.displacement\"\nreference = 8.0\ntolerance = 0.01\n");
+  EXPECT_EQ(run(scene).status, 1);
+  EXPECT_FALSE(summary()["checks"][0]["pass"]);
+}
+
+TEST_F(CoupledRun, UnrelaxedIterationThatExpandsIsReportedAsDiverged) {
+  const auto scene = write_scene("pressure = 1.0\nslope = 4.0", "stiffness = 1.0",
+                                 "mode = \"steady\"\nacceleration = \"none\"\nmax_iterations = 1000");
+  const Finished finished = run(scene);
+  EXPECT_EQ(finished.status, 3);
+  EXPECT_THAT(finished.errors, HasSubstr("diverged"));
+  EXPECT_THAT(finished.errors, HasSubstr("window 1"));
+  EXPECT_EQ(summary()["status"], "diverged or not converged");
+}
+
+TEST_F(CoupledRun, TooFewIterationsIsExitStatusThree) {
+  const auto scene = write_scene("pressure = 1.0\nslope = 0.9", "stiffness = 1.0",
+                                 "mode = \"steady\"\nacceleration = \"none\"\nmax_iterations = 3");
+  const Finished finished = run(scene);
+  EXPECT_EQ(finished.status, 3);
+  EXPECT_THAT(finished.errors, HasSubstr("did not converge"));
+}
+
+TEST_F(CoupledRun, NothingMovingIsConverged) {
+  const auto scene = write_scene("pressure = 0.0\nslope = 0.5", "stiffness = 1.0", "mode = \"steady\"");
+  EXPECT_EQ(run(scene).status, 0);
+}
+
+TEST_F(CoupledRun, TransientRunsEveryWindowAndWritesItsFiles) {
+  const auto scene = write_scene("pressure = 3.0\nslope = 0.5", "stiffness = 1.0",
+                                 "mode = \"transient\"\nwindow = 0.1\nend_time = 2.0");
+  const Finished finished = run(scene);
+  EXPECT_EQ(finished.status, 0) << finished.errors;
+  EXPECT_EQ(summary()["windows"], 20);
+  const std::string watch = read(folder_ / "out" / "watch" / "tip.csv");
+  EXPECT_EQ(std::count(watch.begin(), watch.end(), '\n'), 21);
+  EXPECT_THAT(watch, HasSubstr("window,iteration,time,displacement"));
+  EXPECT_THAT(read(folder_ / "out" / "convergence.csv"), HasSubstr("window,iteration,time,residual"));
+}
+
+TEST_F(CoupledRun, NotANumberNamesParticipantFieldAndWindow) {
+  for (const std::string who : {"fluid", "solid"}) {
+    const std::string bad = "\nmisbehaviour = \"nan\"\nat_window = 3";
+    const auto scene = write_scene("pressure = 3.0\nslope = 0.5" + (who == "fluid" ? bad : ""),
+                                   "stiffness = 1.0" + (who == "solid" ? bad : ""),
+                                   "mode = \"transient\"\nwindow = 0.1\nend_time = 1.0");
+    const Finished finished = run(scene);
+    EXPECT_EQ(finished.status, 3);
+    EXPECT_THAT(finished.errors, HasSubstr("'" + who + "'"));
+    EXPECT_THAT(finished.errors, HasSubstr(who == "fluid" ? "pressure" : "displacement"));
+    EXPECT_THAT(finished.errors, HasSubstr("window 3"));
+    EXPECT_EQ(summary()["windows"], 2);  // what was computed is kept
+  }
+}
+
+TEST_F(CoupledRun, ParticipantsOwnDivergenceIsExitStatusThree) {
+  const auto scene = write_scene("pressure = 3.0\nslope = 0.5\nmisbehaviour = \"exception\"",
+                                 "stiffness = 1.0", "mode = \"steady\"");
+  const Finished finished = run(scene);
+  EXPECT_EQ(finished.status, 3);
+  EXPECT_THAT(finished.errors, HasSubstr("velocity"));
+  EXPECT_THAT(finished.errors, HasSubstr("a smaller time step"));
+}
+
+TEST_F(CoupledRun, WrongLengthIsRefused) {
+  const auto scene = write_scene("pressure = 3.0\nslope = 0.5\nmisbehaviour = \"wrong-length\"",
+                                 "stiffness = 1.0", "mode = \"steady\"");
+  const Finished finished = run(scene);
+  EXPECT_EQ(finished.status, 4);
+  EXPECT_THAT(finished.errors, HasSubstr("fluid"));
+}
+
+TEST_F(CoupledRun, ACrashEndsTheRunWithinTwoSeconds) {
+  const auto scene = write_scene("pressure = 3.0\nslope = 0.5\nmisbehaviour = \"crash\"\nat_window = 2",
+                                 "stiffness = 1.0", "mode = \"transient\"\nwindow = 0.1\nend_time = 1.0");
+  const auto begin = steady_clock::now();
+  const Finished finished = run(scene);
+  EXPECT_LT(steady_clock::now() - begin, std::chrono::seconds(4));
+  EXPECT_EQ(finished.status, 4);
+  EXPECT_THAT(finished.errors, HasSubstr("participant 'fluid' was lost at window 2, iteration 1"));
+  EXPECT_THAT(finished.errors, HasSubstr("signal 9"));
+}
+
+// Kills or stops a process from outside while the fluid computes.
+class Killed : public CoupledRun, public testing::WithParamInterface<std::tuple<std::string, int>> {
+protected:
+  void SetUp() override {
+    folder_ = std::filesystem::temp_directory_path() /
+              ("estuary-kill-" + std::get<0>(GetParam()) + std::to_string(std::get<1>(GetParam())));
+    std::filesystem::remove_all(folder_);
+    std::filesystem::create_directories(folder_);
+  }
+};
+
+TEST_P(Killed, EndsTheRunWithinTwoSecondsAndLeavesNothingBehind) {
+  const auto& [victim, signal_number] = GetParam();
+  const auto scene =
+      write_scene("pressure = 3.0\nslope = 0.5\nseconds = 30", "stiffness = 1.0", "mode = \"steady\"");
+  const auto out = folder_ / "out";
+  ChildProcess run({coupler, "run", scene.string(), "--out", out.string()}, folder_ / "coupler.txt");
+  // Until the fluid computes its first iteration.
+  const auto ready = [&] {
+    return read(out / "log" / "coupler.log").find("solid: linear-participant") != std::string::npos;
+  };
+  for (int i = 0; i < 500 && !ready(); ++i) std::this_thread::sleep_for(std::chrono::milliseconds(10));
+  std::this_thread::sleep_for(std::chrono::milliseconds(300));
+  pid_t target = run.process();
+  if (victim != "coupler") {
+    const std::string log = read(out / "log" / "coupler.log");
+    const std::size_t line = log.find(victim + ": linear-participant");
+    ASSERT_NE(line, std::string::npos);
+    target = static_cast<pid_t>(std::stol(log.substr(log.find("process ", line) + 8)));
+  }
+  ::kill(target, signal_number);
+  const auto begin = steady_clock::now();
+  const auto limit = begin + std::chrono::seconds(victim == "coupler" ? 5 : 4);
+  while ((!run.ended() || processes_with((out / "").string()) > 0) && steady_clock::now() < limit) {
+    std::this_thread::sleep_for(std::chrono::milliseconds(10));
+  }
+  const std::chrono::duration<double> took = steady_clock::now() - begin;
+  EXPECT_EQ(processes_with(out.string() + "/"), 0);
+  ASSERT_TRUE(run.ended());
+  if (victim != "coupler") {
+    EXPECT_EQ(*run.ended(), "ended with exit status 4");
+    // A stopped process is noticed by its silence and then has 2 s; a dead one at once.
+    EXPECT_LT(took.count(), signal_number == SIGSTOP ? 3.5 : 2.0);
+    const std::string message = read(folder_ / "coupler.txt");
+    EXPECT_THAT(message, HasSubstr("participant '" + victim + "' was lost at window 1, iteration 1"));
+    EXPECT_EQ(nlohmann::json::parse(read(out / "summary.json"))["status"], "participant lost");
+  }
+}
+
+INSTANTIATE_TEST_SUITE_P(Everyone, Killed,
+                         testing::Values(std::tuple("fluid", SIGKILL), std::tuple("solid", SIGKILL),
+                                         std::tuple("coupler", SIGKILL), std::tuple("fluid", SIGSTOP),
+                                         std::tuple("solid", SIGSTOP)),
+                         [](const auto& test) {
+                           return std::get<0>(test.param) +
+                                  (std::get<1>(test.param) == SIGKILL ? "Killed" : "Stopped");
+                         });
+
+TEST_F(CoupledRun, ControlCEndsWith130) {
+  const auto scene =
+      write_scene("pressure = 3.0\nslope = 0.5\nseconds = 30", "stiffness = 1.0", "mode = \"steady\"");
+  ChildProcess process({coupler, "run", scene.string(), "--out", (folder_ / "out").string()},
+                       folder_ / "coupler.txt");
+  std::this_thread::sleep_for(std::chrono::milliseconds(1500));
+  ::kill(process.process(), SIGINT);
+  const auto begin = steady_clock::now();
+  while (!process.ended() && steady_clock::now() - begin < std::chrono::seconds(4)) {
+    std::this_thread::sleep_for(std::chrono::milliseconds(10));
+  }
+  ASSERT_TRUE(process.ended());
+  EXPECT_EQ(*process.ended(), "ended with exit status 130");
+}
+
+TEST_F(CoupledRun, AllProblemsAreShownAtOnceAndNothingIsLaunched) {
+  const auto scene = write_scene(
+      "pressure = \"high\"\nslop = 0.5", "stiffness = -1.0", "mode = \"steady\"\ntolerence = 1e-4",
+      "[[check]]\nquantity = \"top.displacement\"\nreference = 1.0\ntolerance = 0.1\n");
+  const Finished finished = run(scene);
+  EXPECT_EQ(finished.status, 2);
+  EXPECT_THAT(finished.errors, HasSubstr("tolerance"));  // the nearest known name
+  EXPECT_THAT(finished.errors, HasSubstr("pressure"));
+  EXPECT_THAT(finished.errors, HasSubstr("'slop'"));
+  EXPECT_THAT(finished.errors, HasSubstr("slope"));
+  EXPECT_THAT(finished.errors, HasSubstr("stiffness"));
+  EXPECT_THAT(finished.errors, HasSubstr("top.displacement"));
+  EXPECT_THAT(finished.errors, HasSubstr("scene.toml:5:"));  // line of the misspelt key
+  EXPECT_FALSE(std::filesystem::exists(folder_ / "out"));
+}
+
+TEST_F(CoupledRun, AMissingProgramIsAProblemOfTheScene) {
+  const auto path = folder_ / "scene.toml";
+  std::ofstream(path) << "[coupling]\nmode = \"steady\"\n[fluid]\nsolver = \"no-such-solver\"\n";
+  const Finished finished = run(path);
+  EXPECT_EQ(finished.status, 2);
+  EXPECT_THAT(finished.errors, HasSubstr("scene.toml:4:"));
+  EXPECT_THAT(finished.errors, HasSubstr("no-such-solver"));
+}
+
+TEST_F(CoupledRun, CheckPrintsThePlanAndLaunchesNothing) {
+  const auto scene = write_scene("pressure = 3.0\nslope = 0.5", "stiffness = 2.0", "mode = \"steady\"");
+  const Finished finished = run_program({coupler, "check", scene.string()}, "", 30);
+  EXPECT_EQ(finished.status, 0);
+  EXPECT_THAT(finished.output, HasSubstr("left out"));
+  EXPECT_THAT(finished.output, HasSubstr("grains"));
+  EXPECT_THAT(finished.output, HasSubstr("stiffness"));
+}
+
+TEST_F(CoupledRun, OverridesChangeTheSceneAndAreKept) {
+  const auto scene = write_scene("pressure = 3.0\nslope = 0.6", "stiffness = 1.0", "mode = \"steady\"");
+  const Finished finished = run(scene, {"--set", "fluid.pressure=6.0"});
+  EXPECT_EQ(finished.status, 0) << finished.errors;
+  EXPECT_NEAR(summary()["watch"]["tip"]["displacement"]["last"], 15.0, 15e-3);
+  EXPECT_THAT(read(folder_ / "out" / "scene.toml"), HasSubstr("pressure = 6.0"));
+}
+
+TEST_F(CoupledRun, AnOverrideOfAnUnknownKeyIsRefused) {
+  const auto scene = write_scene("pressure = 3.0\nslope = 0.6", "stiffness = 1.0", "mode = \"steady\"");
+  EXPECT_EQ(run(scene, {"--set", "fluid.presure=6.0"}).status, 2);
+}
+
+TEST_F(CoupledRun, ConnectsToARunningParticipantOverTcp) {
+  const auto path = folder_ / "scene.toml";
+  ChildProcess server(
+      {participant, "--bind", "tcp://127.0.0.1:47113", "--folder", (folder_ / "solid").string()},
+      folder_ / "server.txt");
+  std::ofstream(path)
+      << "[coupling]\nmode = \"steady\"\n[fluid]\nsolver = \"" << participant
+      << "\"\npressure = 3.0\nslope = 0.6\n[solid]\nconnect = \"tcp://127.0.0.1:47113\"\nstiffness = 1.0\n";
+  const Finished finished = run(path);
+  EXPECT_EQ(finished.status, 0) << finished.errors;
+}
+
+}  // namespace

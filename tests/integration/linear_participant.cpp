@@ -1,0 +1,160 @@
+// A participant with an exact answer, for tests of the coupler: it plays "fluid" or "solid".
+//
+//   fluid  pressure at each wet node = pressure - slope * (displacement . normal), uniform normal (0, 1)
+//   solid  displacement of each wet node = nodal force / (stiffness * share), along y
+//
+// Coupled, displacement y of every node is -pressure / (stiffness - slope): the fixed point is known, and
+// slope / stiffness is the factor by which the un-relaxed iteration contracts or diverges. A scene can also
+// ask it to misbehave.
+#include <fmt/format.h>
+
+#include <array>
+#include <chrono>
+#include <cmath>
+#include <csignal>
+#include <limits>
+#include <thread>
+
+#include "field_file.hpp"
+#include "serve.hpp"
+#include "wet_surface.hpp"
+
+namespace {
+
+using namespace estuary;
+
+constexpr std::uint64_t surface_identity = 77;
+
+class LinearParticipant final : public Participant {
+public:
+  Identity identity() const override {
+    return {"linear-participant", "1", {"fluid", "solid"}, {"steady", "transient", "wet-surface"}, {2}};
+  }
+
+  Plan configure(Scene& scene, const std::string& role) override {
+    role_ = role;
+    SceneTable table = scene.root().table(role);
+    table.leave_to_others({"solver", "connect", "threads"});
+    if (role == "fluid") {
+      pressure_ = table.number("pressure");
+      slope_ = table.number("slope");
+    } else {
+      stiffness_ = table.number("stiffness", Range::positive());
+      nodes_ = static_cast<int>(table.integer_or("nodes", 5, 2, 1'000'000));
+    }
+    seconds_ = table.number_or("seconds", 0.0, Range::not_negative());
+    constexpr std::array<std::string_view, 6> kinds = {"none",      "nan",          "crash",
+                                                       "exception", "wrong-length", "hang"};
+    misbehaviour_ = table.choice("misbehaviour", kinds);
+    at_window_ = static_cast<std::uint64_t>(table.integer_or("at_window", 1, 1, 1'000'000));
+    at_iteration_ = static_cast<std::uint64_t>(table.integer_or("at_iteration", 1, 1, 1'000'000));
+    table.refuse_unknown_keys();
+    Plan plan;
+    plan.derived.emplace_back("stiffness", fmt::format("{} N/m", stiffness_));
+    plan.variant = "linear";
+    return plan;
+  }
+
+  v1::Exchange start(const v1::Exchange& initial, const std::filesystem::path& folder) override {
+    folder_ = folder;
+    v1::Exchange brought;
+    if (role_ == "solid") {
+      surface_.set_identity(surface_identity);
+      surface_.set_dimension(2);
+      for (int i = 0; i < nodes_; ++i) {
+        // Walked towards +x, so the fluid lies above and its pressure pushes down.
+        surface_.add_reference_positions(static_cast<double>(i) / (nodes_ - 1));
+        surface_.add_reference_positions(0.0);
+        if (i > 0) {
+          surface_.add_connectivity(static_cast<std::uint32_t>(i - 1));
+          surface_.add_connectivity(static_cast<std::uint32_t>(i));
+        }
+      }
+      *brought.mutable_wet_surface() = surface_;
+      *brought.mutable_displacements() =
+          motion(std::vector<double>(2 * static_cast<std::size_t>(nodes_), 0.0));
+    } else if (initial.has_wet_surface()) {
+      surface_ = initial.wet_surface();
+      check_wet_surface(surface_);
+    }
+    return brought;
+  }
+
+  AdvanceResult advance(const Window& window, const v1::Exchange& inputs, ProgressBoard& progress) override {
+    const bool now = window.number == at_window_ && window.iteration == at_iteration_;
+    if (now && misbehaviour_ == "crash") std::raise(SIGKILL);
+    if (now && misbehaviour_ == "exception")
+      throw Diverged("velocity", "speed 12 at cell (3, 4)", "a smaller time step");
+    const auto end = std::chrono::steady_clock::now() + std::chrono::duration<double>(seconds_);
+    while (std::chrono::steady_clock::now() < end || (now && misbehaviour_ == "hang")) {
+      if (misbehaviour_ != "hang") progress.report(0.5);
+      if (progress.stop_requested()) throw Interrupted();
+      std::this_thread::sleep_for(std::chrono::milliseconds(10));
+    }
+    AdvanceResult result;
+    ++result.work.steps;
+    if (role_ == "fluid") {
+      check_displacements(inputs.displacements(), surface_);
+      auto& pressures = *result.outputs.mutable_pressures();
+      pressures.set_surface(surface_.identity());
+      for (int i = 1; i < inputs.displacements().displacement_size(); i += 2) {
+        pressures.add_pressure(pressure_ - slope_ * inputs.displacements().displacement(i));
+      }
+      if (now && misbehaviour_ == "nan") pressures.set_pressure(1, std::numeric_limits<double>::quiet_NaN());
+      if (now && misbehaviour_ == "wrong-length") pressures.add_pressure(0.0);
+    } else {
+      check_forces(inputs.forces(), surface_);
+      std::vector<double> displacement(static_cast<std::size_t>(inputs.forces().force_size()), 0.0);
+      const double share = 1.0 / (nodes_ - 1);
+      for (std::size_t i = 1; i < displacement.size(); i += 2) {
+        const bool end_node = i == 1 || i + 1 == displacement.size();
+        displacement[i] =
+            inputs.forces().force(static_cast<int>(i)) / (stiffness_ * share * (end_node ? 0.5 : 1.0));
+      }
+      if (now && misbehaviour_ == "nan") displacement[3] = std::numeric_limits<double>::quiet_NaN();
+      if (now && misbehaviour_ == "wrong-length") displacement.push_back(0.0);
+      *result.outputs.mutable_displacements() = motion(displacement);
+      result.watches.push_back({"tip", {{"displacement", std::abs(displacement[1])}}});
+    }
+    return result;
+  }
+
+  void accept() override {}
+  void save(const std::filesystem::path& /*file*/) override {}
+  void load(const std::filesystem::path& /*file*/) override {}
+
+  std::vector<std::string> frame(std::uint64_t number, double /*time*/) override {
+    const std::string name = fmt::format("{}-{:06}.hdf", role_, number);
+    const std::vector<double> positions(surface_.reference_positions().begin(),
+                                        surface_.reference_positions().end());
+    write_points(folder_ / name, 2, positions, {}, {});
+    return {name};
+  }
+
+private:
+  static v1::Displacements motion(const std::vector<double>& displacement) {
+    v1::Displacements message;
+    message.set_surface(surface_identity);
+    message.mutable_displacement()->Assign(displacement.begin(), displacement.end());
+    message.mutable_velocity()->Resize(static_cast<int>(displacement.size()), 0.0);
+    return message;
+  }
+
+  std::string role_;
+  std::string misbehaviour_;
+  std::filesystem::path folder_;
+  v1::WetSurface surface_;
+  double pressure_ = 0;
+  double slope_ = 0;
+  double stiffness_ = 1;
+  double seconds_ = 0;
+  int nodes_ = 5;
+  std::uint64_t at_window_ = 1;
+  std::uint64_t at_iteration_ = 1;
+};
+
+}  // namespace
+
+int main(int argc, char** argv) {
+  return estuary::serve(argc, argv, std::make_unique<LinearParticipant>());
+}

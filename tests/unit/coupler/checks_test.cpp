@@ -1,0 +1,113 @@
+#include "checks.hpp"
+
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <filesystem>
+#include <numbers>
+
+namespace estuary::coupler {
+namespace {
+
+WatchSeries cosine(double amplitude, double phase_degrees, double mean, double frequency, double end,
+                   int samples) {
+  WatchSeries series;
+  for (int i = 1; i <= samples; ++i) {
+    const double t = end * i / samples;
+    series.time.push_back(t);
+    series.value.push_back(mean +
+                           amplitude * std::cos(frequency * t + phase_degrees * std::numbers::pi / 180));
+  }
+  return series;
+}
+
+TEST(FitHarmonic, RecoversAmplitudeAndPhase) {
+  for (const double phase : {-170.0, -42.8, 0.0, 42.8, 120.0}) {
+    const auto harmonic = fit_harmonic(cosine(0.594653, phase, 0.1, 3.0, 20.0, 400), 3.0, 5.0);
+    EXPECT_NEAR(harmonic.amplitude, 0.594653, 1e-12);
+    EXPECT_NEAR(harmonic.phase, phase, 1e-9);
+  }
+}
+
+TEST(FitHarmonic, LeavesTheTransientOut) {
+  auto series = cosine(1.0, 30.0, 0.0, 2 * std::numbers::pi, 10.0, 1000);
+  for (std::size_t i = 0; i < 300; ++i) series.value[i] += 50;
+  EXPECT_NEAR(fit_harmonic(series, 2 * std::numbers::pi, 3.0).amplitude, 1.0, 1e-10);
+}
+
+TEST(FitHarmonic, NeedsAWholePeriod) {
+  EXPECT_TRUE(std::isnan(fit_harmonic(cosine(1, 0, 0, 1.0, 3.0, 100), 1.0, 0.0).amplitude));
+}
+
+class Checks : public testing::Test {
+protected:
+  void SetUp() override {
+    folder_ = std::filesystem::temp_directory_path() / "estuary-checks-test";
+    std::filesystem::create_directories(folder_);
+    scene_.watches.push_back(
+        {.name = "tip", .participant = "solid", .angular_frequency = {}, .from_time = 0});
+  }
+  void TearDown() override { std::filesystem::remove_all(folder_); }
+  CheckResult evaluate(CheckScene check) {
+    scene_.checks = {std::move(check)};
+    RunRecord record(folder_, scene_);
+    for (const double value : {1.0, 4.0, 2.0}) {
+      v1::WatchSample sample;
+      sample.set_name("tip");
+      sample.add_quantity("x");
+      sample.add_value(value);
+      record.add(sample, 1, 1, value);
+    }
+    WindowRow row;
+    row.iterations = 7;
+    record.add(row);
+    return evaluate_checks(scene_, record, {.wall_s = 3.0, .total_iterations = 7}).front();
+  }
+  std::filesystem::path folder_;
+  CouplingScene scene_;
+};
+
+CheckScene compare(std::string quantity, double reference, double tolerance) {
+  CheckScene check;
+  check.quantity = std::move(quantity);
+  check.reference = reference;
+  check.relative_tolerance = tolerance;
+  return check;
+}
+
+TEST_F(Checks, TakesTheLastValueUnlessAnotherStatisticIsNamed) {
+  EXPECT_DOUBLE_EQ(evaluate(compare("tip.x", 2, 0)).value, 2);
+  EXPECT_DOUBLE_EQ(evaluate(compare("tip.x.max", 4, 0)).value, 4);
+  EXPECT_DOUBLE_EQ(evaluate(compare("tip.x.min", 1, 0)).value, 1);
+  EXPECT_DOUBLE_EQ(evaluate(compare("tip.x.mean", 7.0 / 3, 1e-12)).value, 7.0 / 3);
+  EXPECT_DOUBLE_EQ(evaluate(compare("coupling.iterations", 7, 0)).value, 7);
+}
+
+TEST_F(Checks, HoldsTheRelativeErrorAgainstTheTolerance) {
+  EXPECT_TRUE(evaluate(compare("tip.x", 2.1, 0.05)).pass);
+  EXPECT_FALSE(evaluate(compare("tip.x", 2.2, 0.05)).pass);
+  EXPECT_FALSE(evaluate(compare("tip.x", -2.0, 0.05)).pass);
+}
+
+TEST_F(Checks, AMissingQuantityFails) {
+  EXPECT_FALSE(evaluate(compare("tip.y", 2, 1e9)).pass);
+  CheckScene bound;
+  bound.quantity = "tip.y";
+  bound.at_most = 1e300;
+  EXPECT_FALSE(evaluate(bound).pass);
+}
+
+TEST_F(Checks, BoundsHoldOnTheirSide) {
+  CheckScene bound;
+  bound.quantity = "coupling.iterations";
+  bound.at_most = 7;
+  EXPECT_TRUE(evaluate(bound).pass);
+  bound.at_most = 6;
+  EXPECT_FALSE(evaluate(bound).pass);
+  bound.at_most.reset();
+  bound.at_least = 8;
+  EXPECT_FALSE(evaluate(bound).pass);
+}
+
+}  // namespace
+}  // namespace estuary::coupler

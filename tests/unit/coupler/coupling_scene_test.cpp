@@ -1,0 +1,83 @@
+#include "coupling_scene.hpp"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+namespace estuary::coupler {
+namespace {
+
+using testing::HasSubstr;
+
+struct Read {
+  CouplingScene scene;
+  std::vector<SceneProblem> problems;
+};
+
+Read read(const std::string& text) {
+  Scene scene = Scene::parse(text, "scene.toml");
+  CouplingScene coupling = read_coupling_scene(scene);
+  return {coupling, scene.problems()};
+}
+
+std::string only_problem(const std::string& text) {
+  const auto problems = read(text).problems;
+  EXPECT_EQ(problems.size(), 1U) << text;
+  return problems.empty() ? "" : problems.front().message;
+}
+
+TEST(CouplingScene, HasTheDefaultsOfTheDesign) {
+  const auto [scene, problems] = read("[coupling]\n[fluid]\n[solid]\n");
+  EXPECT_TRUE(problems.empty());
+  EXPECT_EQ(scene.mode, CouplingMode::steady);
+  EXPECT_EQ(scene.acceleration, AccelerationKind::aitken);
+  EXPECT_DOUBLE_EQ(scene.tolerance, 1e-4);
+  ASSERT_EQ(scene.participants.size(), 2U);
+  EXPECT_EQ(scene.participants[0].command, std::vector<std::string>{"fluid-lbm"});
+}
+
+TEST(CouplingScene, CountsWindows) {
+  EXPECT_EQ(read("[coupling]\nmode = \"transient\"\nwindow = 0.1\nend_time = 3.0\n[fluid]\n").scene.windows,
+            30U);
+  EXPECT_THAT(only_problem("[coupling]\nmode = \"transient\"\nwindow = 0.7\nend_time = 3.0\n[fluid]\n"),
+              HasSubstr("whole number of windows"));
+}
+
+TEST(CouplingScene, NeedsAParticipant) {
+  EXPECT_THAT(only_problem("[coupling]\n"), HasSubstr("no participant"));
+}
+
+TEST(CouplingScene, SolverIsACommandOrAConnection) {
+  EXPECT_EQ(read("[coupling]\n[fluid]\nsolver = \"python3 my_fluid.py\"\n").scene.participants[0].command,
+            (std::vector<std::string>{"python3", "my_fluid.py"}));
+  EXPECT_THAT(only_problem("[coupling]\n[fluid]\nsolver = \"a\"\nconnect = \"tcp://127.0.0.1:1\"\n"),
+              HasSubstr("not both"));
+}
+
+TEST(CouplingScene, RefusesUnknownKeysOutsideTheParticipantsTables) {
+  EXPECT_THAT(only_problem("[coupling]\nrelaxtion = 0.5\n[fluid]\nanything = 1\n"), HasSubstr("relaxation"));
+  EXPECT_THAT(only_problem("[coupling]\n[fluid]\n[colour]\n"), HasSubstr("colour"));
+}
+
+TEST(CouplingScene, ChecksNameAWatch) {
+  EXPECT_THAT(
+      only_problem("[coupling]\n[fluid]\n[[check]]\nquantity = \"tip.x\"\nreference = 1\ntolerance = 0.1\n"),
+      HasSubstr("tip.x"));
+}
+
+TEST(CouplingScene, ACheckNeedsSomethingToHoldAgainst) {
+  const std::string watch = "[[watch]]\nname = \"tip\"\nparticipant = \"fluid\"\n";
+  EXPECT_THAT(
+      only_problem("[coupling]\n[fluid]\n" + watch + "[[check]]\nquantity = \"tip.x\"\nreference = 1.0\n"),
+      HasSubstr("tolerance"));
+  EXPECT_THAT(only_problem("[coupling]\n[fluid]\n" + watch +
+                           "[[check]]\nquantity = \"tip.x\"\nreference = 0.0\ntolerance = 0.1\n"),
+              HasSubstr("absolute_tolerance"));
+}
+
+TEST(CouplingScene, AWatchNameBecomesAFileName) {
+  EXPECT_THAT(only_problem("[coupling]\n[fluid]\n[[watch]]\nname = \"../tip\"\nparticipant = \"fluid\"\n"),
+              HasSubstr("file name"));
+}
+
+}  // namespace
+}  // namespace estuary::coupler
