@@ -1,0 +1,164 @@
+#include "session.hpp"
+
+#include <gtest/gtest.h>
+
+#include <limits>
+
+namespace estuary {
+namespace {
+
+// Writes down which phases were called.
+class Recorder final : public Participant {
+public:
+  Identity identity() const override { return {"recorder", "1", {"solid"}, {}, {2}}; }
+  Plan configure(Scene& scene, const std::string& role) override {
+    SceneTable table = scene.root().table(role);
+    table.number("density", Range::positive());
+    table.refuse_unknown_keys();
+    Plan plan;
+    plan.variant = "one";
+    return plan;
+  }
+  v1::Exchange start(const v1::Exchange& /*initial*/, const std::filesystem::path& /*folder*/) override {
+    calls += "s";
+    return {};
+  }
+  AdvanceResult advance(const Window& /*window*/, const v1::Exchange& /*inputs*/,
+                        ProgressBoard& /*board*/) override {
+    calls += "a";
+    if (fail) fail();
+    AdvanceResult result;
+    result.watches.push_back({"tip", {{"displacement", 0.25}}});
+    result.work.steps = 3;
+    return result;
+  }
+  void accept() override { calls += "A"; }
+  void save(const std::filesystem::path& file) override { saved = file; }
+  void load(const std::filesystem::path& /*file*/) override { calls += "l"; }
+  std::vector<std::string> frame(std::uint64_t /*number*/, double /*time*/) override { return {"frame.hdf"}; }
+
+  std::string calls;
+  std::filesystem::path saved;
+  void (*fail)() = nullptr;
+};
+
+class SessionTest : public testing::Test {
+protected:
+  v1::Reply ask(v1::Request request) {
+    request.mutable_header()->set_sequence(++sequence_);
+    if (request.header().window() == 0) request.mutable_header()->set_window(1);
+    if (request.header().iteration() == 0) request.mutable_header()->set_iteration(1);
+    return session_.answer(request);
+  }
+  v1::Reply configure(const std::string& scene) {
+    v1::Request request;
+    request.mutable_configure()->set_role("solid");
+    request.mutable_configure()->set_scene_name("scene.toml");
+    request.mutable_configure()->set_scene(scene);
+    return ask(request);
+  }
+  v1::Reply start() {
+    v1::Request request;
+    request.mutable_start();
+    return ask(request);
+  }
+  v1::Reply advance() {
+    v1::Request request;
+    request.mutable_advance()->set_duration(0.1);
+    return ask(request);
+  }
+  v1::Reply accept() {
+    v1::Request request;
+    request.mutable_accept();
+    return ask(request);
+  }
+  void begin() {
+    ASSERT_TRUE(configure("[solid]\ndensity = 1.0\n").configured().problems().empty());
+    ASSERT_TRUE(start().has_started());
+  }
+  Recorder recorder_;
+  ProgressBoard board_;
+  Session session_{recorder_, "/tmp/estuary-session", board_};
+  std::uint64_t sequence_ = 0;
+};
+
+TEST_F(SessionTest, LivesItsLifeInOrder) {
+  begin();
+  const v1::Reply reply = advance();
+  ASSERT_TRUE(reply.has_advanced());
+  EXPECT_EQ(reply.header().sequence(), 3U);
+  EXPECT_EQ(reply.advanced().watches(0).name(), "tip");
+  EXPECT_EQ(reply.advanced().work().steps(), 3U);
+  EXPECT_GT(reply.advanced().work().peak_rss_bytes(), 0U);
+  EXPECT_TRUE(accept().has_done());
+  v1::Request stop;
+  stop.mutable_stop();
+  EXPECT_TRUE(ask(stop).has_done());
+  EXPECT_TRUE(session_.stopped());
+  EXPECT_EQ(recorder_.calls, "saA");
+}
+
+TEST_F(SessionTest, GivesAllProblemsOfAScene) {
+  const auto configured = configure("[solid]\ndensity = -1.0\ncolour = 3\n").configured();
+  ASSERT_EQ(configured.problems_size(), 2);
+  EXPECT_EQ(configured.problems(0).line(), 2U);
+  EXPECT_EQ(configured.problems(1).line(), 3U);
+  EXPECT_EQ(start().error().kind(), v1::Error::OUT_OF_ORDER);
+}
+
+TEST_F(SessionTest, RefusesPhasesOutOfOrder) {
+  EXPECT_EQ(advance().error().kind(), v1::Error::OUT_OF_ORDER);
+  EXPECT_EQ(accept().error().kind(), v1::Error::OUT_OF_ORDER);
+  begin();
+  EXPECT_EQ(accept().error().kind(), v1::Error::OUT_OF_ORDER);
+  EXPECT_EQ(start().error().kind(), v1::Error::OUT_OF_ORDER);
+  EXPECT_EQ(ask({}).error().kind(), v1::Error::BAD_MESSAGE);
+  EXPECT_TRUE(advance().has_advanced());  // still up
+}
+
+TEST_F(SessionTest, RefusesWindowsThatAreNoTime) {
+  begin();
+  for (const double bad :
+       {-1.0, std::numeric_limits<double>::infinity(), std::numeric_limits<double>::quiet_NaN()}) {
+    v1::Request request;
+    request.mutable_advance()->set_duration(bad);
+    EXPECT_EQ(ask(request).error().kind(), v1::Error::BAD_MESSAGE);
+  }
+}
+
+TEST_F(SessionTest, TurnsExceptionsIntoErrorsAndStaysUp) {
+  begin();
+  const auto kind_of = [&](void (*fail)()) {
+    recorder_.fail = fail;
+    return advance().error();
+  };
+  const auto diverged = kind_of([] { throw Diverged("velocity", "too fast", "a smaller step"); });
+  EXPECT_EQ(diverged.kind(), v1::Error::DIVERGED);
+  EXPECT_EQ(diverged.field(), "velocity");
+  EXPECT_EQ(diverged.advice(), "a smaller step");
+  EXPECT_EQ(kind_of([] { throw NotConverged("no equilibrium", "more steps"); }).kind(),
+            v1::Error::NOT_CONVERGED);
+  EXPECT_EQ(kind_of([] { throw BadInput("inputs.forces", "too short"); }).kind(), v1::Error::BAD_MESSAGE);
+  EXPECT_EQ(kind_of([] { throw std::invalid_argument("too short"); }).kind(), v1::Error::BAD_MESSAGE);
+  EXPECT_EQ(kind_of([] { throw std::runtime_error("disk full"); }).kind(), v1::Error::FAILED);
+  EXPECT_EQ(kind_of([] { throw std::bad_alloc(); }).kind(), v1::Error::FAILED);
+  EXPECT_EQ(accept().error().kind(), v1::Error::OUT_OF_ORDER);  // a failed advance cannot be accepted
+  recorder_.fail = nullptr;
+  EXPECT_TRUE(advance().has_advanced());
+}
+
+TEST_F(SessionTest, WritesCheckpointsInsideItsFolderOnly) {
+  begin();
+  for (const std::string bad : {"../x", "/etc/x", "a/b", "", "..", "."}) {
+    v1::Request request;
+    request.mutable_save()->set_file(bad);
+    EXPECT_EQ(ask(request).error().kind(), v1::Error::BAD_MESSAGE) << bad;
+  }
+  v1::Request request;
+  request.mutable_save()->set_file("window-3.h5");
+  EXPECT_TRUE(ask(request).has_done());
+  EXPECT_EQ(recorder_.saved, "/tmp/estuary-session/window-3.h5");
+}
+
+}  // namespace
+}  // namespace estuary
