@@ -383,11 +383,9 @@ void CouplingLoop::finish_window(const char* verdict, double residual, double wa
 }
 
 void CouplingLoop::frames_if_due(std::uint64_t count, double time) {
-  if (scene_.mode == CouplingMode::steady && scene_.participants.size() == 1) {
-    write_frames(time);
-  } else if (scene_.frame_interval != 0 && count % scene_.frame_interval == 0) {
-    write_frames(time);
-  }
+  const bool single_equilibrium = scene_.mode == CouplingMode::steady && scene_.participants.size() == 1;
+  const bool due = scene_.frame_interval != 0 && count % scene_.frame_interval == 0;
+  if (single_equilibrium || due) write_frames(time);
 }
 
 void CouplingLoop::write_frames(double time) {
