@@ -1,0 +1,65 @@
+// Which nodes are fluid: a byte per node for the rules at boundaries, runs per row for the kernels.
+#pragma once
+
+#include <cstdint>
+#include <vector>
+
+#include "grid.hpp"
+
+namespace estuary::fluid {
+
+/// Nodes begin <= x < end of one row.
+struct Span {
+  int begin = 0;
+  int end = 0;
+  friend bool operator==(const Span&, const Span&) = default;
+};
+
+/// Reasons why a node is not fluid; several may hold.
+enum : std::uint8_t {
+  cell_fluid = 0,
+  cell_outside = 1,   // beyond a side of the grid
+  cell_obstacle = 2,  // inside a fixed obstacle of the scene
+  cell_wet_solid = 4  // inside the solid that brings the wet surface
+};
+
+struct Node {
+  int x = 0;
+  int y = 0;
+  friend bool operator==(const Node&, const Node&) = default;
+};
+
+class Cells {
+public:
+  /// All nodes fluid, nodes beyond sides that are not periodic outside.
+  explicit Cells(const Grid& grid);
+
+  /// x from -1 to nx, y from -1 to ny; a ghost beyond a periodic side tells about its image.
+  [[nodiscard]] std::uint8_t state(int x, int y) const { return states_[place(x, y)]; }
+  [[nodiscard]] bool fluid(int x, int y) const { return states_[place(x, y)] == cell_fluid; }
+  [[nodiscard]] const std::vector<Span>& row(int y) const { return rows_[static_cast<std::size_t>(y)]; }
+  [[nodiscard]] std::size_t fluid_count() const;
+  [[nodiscard]] const Grid& grid() const { return grid_; }
+
+  /// Makes `solid` (disjoint, ascending, inside the row) the nodes of row y that are non-fluid for `reason`.
+  /// Nodes that become fluid by this are appended to `uncovered`, the number of fluid nodes that ceased to be
+  /// is returned.
+  std::size_t set_solid(int y, std::uint8_t reason, const std::vector<Span>& solid,
+                        std::vector<Node>& uncovered);
+
+private:
+  [[nodiscard]] std::size_t place(int x, int y) const {
+    return static_cast<std::size_t>(y + 1) * static_cast<std::size_t>(grid_.nx + 2) +
+           static_cast<std::size_t>(x + 1);
+  }
+  void set(int x, int y, std::uint8_t state);
+  void rebuild_row(int y);
+
+  Grid grid_;
+  std::vector<std::uint8_t> states_;
+  std::vector<std::vector<Span>> rows_;
+  std::vector<std::vector<Span>> obstacle_;  // what set_solid was told last, per row
+  std::vector<std::vector<Span>> wet_solid_;
+};
+
+}  // namespace estuary::fluid

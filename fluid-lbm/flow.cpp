@@ -1,0 +1,128 @@
+#include "flow.hpp"
+
+#include <omp.h>
+
+#include <algorithm>
+#include <limits>
+
+#include "refill.hpp"
+
+namespace estuary::fluid {
+namespace {
+
+std::vector<double> bounds_of(const Surface& surface) {
+  constexpr double infinity = std::numeric_limits<double>::infinity();
+  std::vector<double> bounds{infinity, infinity, -infinity, -infinity};
+  for (const Segment& s : surface.segments()) {
+    bounds[0] = std::min({bounds[0], s.ax, s.bx});
+    bounds[1] = std::min({bounds[1], s.ay, s.by});
+    bounds[2] = std::max({bounds[2], s.ax, s.bx});
+    bounds[3] = std::max({bounds[3], s.ay, s.by});
+  }
+  return bounds;
+}
+
+bool near(const std::vector<double>& a, const std::vector<double>& b) {
+  constexpr double reach = 3.0;
+  return a[0] < b[2] + reach && b[0] < a[2] + reach && a[1] < b[3] + reach && b[1] < a[3] + reach;
+}
+
+}  // namespace
+
+Flow::Flow(const FlowSettings& settings)
+    : settings_(settings),
+      populations_(settings.grid.nx, settings.grid.ny),
+      cells_(settings.grid),
+      step_(collide_and_stream(settings.collision, settings.equilibrium)),
+      rows_(settings.grid),
+      obstacle_links_(settings.grid),
+      wet_links_(settings.grid) {}
+
+void Flow::set_obstacles(std::size_t nodes, std::vector<std::uint32_t> connectivity,
+                         std::span<const double> positions) {
+  obstacles_.emplace(grid(), nodes, std::move(connectivity));
+  obstacles_->place(positions, std::vector<double>(2 * nodes, 0.0), 0.0);
+  obstacle_bounds_ = bounds_of(*obstacles_);
+  std::vector<Node> uncovered;
+  const auto& solid = rows_.classify(obstacles_->segments());
+  for (int y = 0; y < grid().ny; ++y)
+    cells_.set_solid(y, cell_obstacle, solid[static_cast<std::size_t>(y)], uncovered);
+  obstacle_links_.build(*obstacles_, cells_, cell_obstacle, populations_);
+}
+
+void Flow::set_wet_surface(std::size_t nodes, std::vector<std::uint32_t> connectivity) {
+  wet_.emplace(grid(), nodes, std::move(connectivity));
+  placed_.clear();
+}
+
+MoveCounts Flow::place(std::span<const double> positions, std::span<const double> velocities,
+                       double velocity_scale, bool fill) {
+  const std::size_t size = positions.size();
+  if (placed_.size() == 2 * size && std::equal(positions.begin(), positions.end(), placed_.begin()) &&
+      std::equal(velocities.begin(), velocities.end(), placed_.begin() + static_cast<std::ptrdiff_t>(size))) {
+    return {};
+  }
+  const bool first = placed_.empty();
+  placed_.assign(positions.begin(), positions.end());
+  placed_.insert(placed_.end(), velocities.begin(), velocities.end());
+  wet_->place(positions, velocities, velocity_scale);
+  std::vector<Node> uncovered;
+  MoveCounts counts;
+  const auto& solid = rows_.classify(wet_->segments());
+  for (int y = 0; y < grid().ny; ++y) {
+    counts.covered += cells_.set_solid(y, cell_wet_solid, solid[static_cast<std::size_t>(y)], uncovered);
+  }
+  counts.uncovered = uncovered.size();
+  wet_links_.build(*wet_, cells_, cell_wet_solid, populations_);
+  // Links of obstacles look at the node behind, which the wet solid may have covered or left.
+  if (obstacles_ && near(bounds_of(*wet_), obstacle_bounds_)) {
+    obstacle_links_.build(*obstacles_, cells_, cell_obstacle, populations_);
+  }
+  if (fill && !first) {
+    counts.orphans = refill(populations_, cells_, std::move(uncovered), *wet_, settings_.equilibrium);
+  }
+  return counts;
+}
+
+MoveCounts Flow::move_wet_surface(std::span<const double> positions, std::span<const double> velocities,
+                                  double velocity_scale) {
+  return place(positions, velocities, velocity_scale, true);
+}
+
+void Flow::restore_wet_surface(std::span<const double> positions, std::span<const double> velocities,
+                               double velocity_scale) {
+  place(positions, velocities, velocity_scale, false);
+}
+
+void Flow::apply_rules(Parity parity) {
+  const bool compressible = settings_.equilibrium == EquilibriumModel::compressible;
+  exchange_and_reflect(populations_, parity, settings_.sides);
+  if (obstacles_) obstacle_links_.reflect(populations_, parity, compressible);
+  if (wet_) wet_links_.reflect(populations_, parity, compressible);
+  complete_open_sides(populations_, parity, cells_, settings_.sides, settings_.equilibrium);
+}
+
+// Threads meet several times in a step; on few nodes that would take longer than the nodes themselves.
+int Flow::threads() const {
+  constexpr int nodes_per_thread = 8192;
+  return std::clamp(grid().nx * grid().ny / nodes_per_thread, 1, omp_get_max_threads());
+}
+
+void Flow::run(std::size_t steps) {
+  const Parity start = populations_.parity();
+  const Parity other = start == Parity::even ? Parity::odd : Parity::even;
+#pragma omp parallel num_threads(threads())
+  for (std::size_t n = 0; n < steps; ++n) {
+    const Parity parity = n % 2 == 0 ? start : other;
+    apply_rules(parity);
+    step_(populations_, parity, cells_, settings_.rates);
+  }
+  populations_.set_parity(steps % 2 == 0 ? start : other);
+}
+
+void Flow::apply_boundaries() {
+#pragma omp parallel num_threads(threads())
+  apply_rules(populations_.parity());
+}
+
+}  // namespace estuary::fluid

@@ -1,0 +1,88 @@
+// The state of a flow and how a time step goes: boundary rules, then collision and streaming.
+#pragma once
+
+#include <optional>
+#include <span>
+#include <vector>
+
+#include "cells.hpp"
+#include "collide.hpp"
+#include "fields.hpp"
+#include "links.hpp"
+#include "populations.hpp"
+#include "sides.hpp"
+#include "surface.hpp"
+#include "wet_load.hpp"
+
+namespace estuary::fluid {
+
+struct FlowSettings {
+  Grid grid;
+  Sides sides;
+  CollisionModel collision = CollisionModel::trt;
+  EquilibriumModel equilibrium = EquilibriumModel::incompressible;
+  Rates rates;
+};
+
+struct MoveCounts {
+  std::size_t covered = 0;
+  std::size_t uncovered = 0;
+  std::size_t orphans = 0;  // uncovered without a fluid node to start from
+};
+
+/// All in lattice units except positions of surfaces [m] and velocities of surfaces [m/s].
+class Flow {
+public:
+  explicit Flow(const FlowSettings& settings);
+
+  [[nodiscard]] const Grid& grid() const { return settings_.grid; }
+  [[nodiscard]] const FlowSettings& settings() const { return settings_; }
+  [[nodiscard]] Sides& sides() { return settings_.sides; }
+  [[nodiscard]] Populations& populations() { return populations_; }
+  [[nodiscard]] const Populations& populations() const { return populations_; }
+  [[nodiscard]] const Cells& cells() const { return cells_; }
+
+  /// Fixed obstacles: closed outlines, walked clockwise. To be called before the first step.
+  void set_obstacles(std::size_t nodes, std::vector<std::uint32_t> connectivity,
+                     std::span<const double> positions);
+  /// The wet surface, not yet anywhere.
+  void set_wet_surface(std::size_t nodes, std::vector<std::uint32_t> connectivity);
+  /// Moves the wet surface and gives populations to the nodes it leaves. Does nothing when it is where it
+  /// was.
+  MoveCounts move_wet_surface(std::span<const double> positions, std::span<const double> velocities,
+                              double velocity_scale);
+  /// Puts the wet surface where it was when populations now given back were copied: no node is given new
+  /// ones.
+  void restore_wet_surface(std::span<const double> positions, std::span<const double> velocities,
+                           double velocity_scale);
+
+  /// Steps with fixed surfaces and sides.
+  void run(std::size_t steps);
+  /// The boundary rules alone; afterwards fields, loads and forces can be read. May be repeated.
+  void apply_boundaries();
+
+  [[nodiscard]] const Surface* wet_surface() const { return wet_ ? &*wet_ : nullptr; }
+  [[nodiscard]] const Surface* obstacles() const { return obstacles_ ? &*obstacles_ : nullptr; }
+  [[nodiscard]] const Links& wet_links() const { return wet_links_; }
+  [[nodiscard]] const Links& obstacle_links() const { return obstacle_links_; }
+
+private:
+  MoveCounts place(std::span<const double> positions, std::span<const double> velocities,
+                   double velocity_scale, bool fill);
+  void apply_rules(Parity parity);
+  [[nodiscard]] int threads() const;
+
+  FlowSettings settings_;
+  Populations populations_;
+  Cells cells_;
+  CollideAndStream step_;
+  std::optional<Surface> obstacles_;
+  std::optional<Surface> wet_;
+  SolidRows rows_;
+  Links obstacle_links_;
+  Links wet_links_;
+  std::vector<double> placed_;           // positions and velocities as last given
+  std::vector<double> obstacle_bounds_;  // left, bottom, right, top in lattice coordinates
+};
+
+}  // namespace estuary::fluid

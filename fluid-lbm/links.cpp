@@ -1,0 +1,196 @@
+#include "links.hpp"
+
+#include <algorithm>
+#include <cmath>
+
+namespace estuary::fluid {
+namespace {
+
+// Rounding allowance for a cut at the very end of a link or of a segment [fraction].
+constexpr double end_tolerance = 1e-9;
+
+std::size_t index_of(Parity parity) {
+  return parity == Parity::even ? 0 : 1;
+}
+
+}  // namespace
+
+Links::Links(const Grid& grid)
+    : grid_(grid), candidate_of_(static_cast<std::size_t>(grid.nx) * static_cast<std::size_t>(grid.ny), -1) {}
+
+void Links::clear() {
+  candidates_.clear();
+  places_.clear();
+  rules_.clear();
+  counts_ = {};
+}
+
+void Links::visit(Node node, const Segment& s, std::uint32_t number, const Cells& cells,
+                  std::uint8_t reason) {
+  const int x = grid_.wrap_x(node.x);
+  const int y = grid_.wrap_y(node.y);
+  if (!cells.fluid(x, y)) return;
+  std::int32_t& known = candidate_of_[static_cast<std::size_t>(y) * static_cast<std::size_t>(grid_.nx) +
+                                      static_cast<std::size_t>(x)];
+  for (int i = 1; i < D2Q9::count; ++i) {
+    const auto& c = D2Q9::velocity[static_cast<std::size_t>(i)];
+    const std::uint8_t neighbour = cells.state(x + c[0], y + c[1]);
+    if (neighbour == cell_fluid) continue;
+    if (known < 0 && (neighbour & reason) != 0) {
+      known = static_cast<std::int32_t>(candidates_.size());
+      candidates_.push_back({{x, y}, {}});
+    }
+    // Solves node + q c = a + along (b - a).
+    const double tx = s.bx - s.ax;
+    const double ty = s.by - s.ay;
+    const double determinant = c[1] * tx - c[0] * ty;
+    if (determinant == 0) continue;
+    const double dx = s.ax - node.x;
+    const double dy = s.ay - node.y;
+    double q = (dy * tx - dx * ty) / determinant;
+    double along = (c[0] * dy - c[1] * dx) / determinant;
+    // Beside a wall of the grid the surface may cut a link that the wall would cut half-way.
+    const double furthest = (neighbour & cell_outside) != 0 ? 0.5 : 1.0 + end_tolerance;
+    if (q < -end_tolerance || q > furthest || along < -end_tolerance || along > 1 + end_tolerance) continue;
+    q = std::clamp(q, 0.0, 1.0);
+    along = std::clamp(along, 0.0, 1.0);
+    if (known < 0) {
+      known = static_cast<std::int32_t>(candidates_.size());
+      candidates_.push_back({{x, y}, {}});
+    }
+    Cut& cut = candidates_[static_cast<std::size_t>(known)].cuts[static_cast<std::size_t>(i)];
+    if (q < cut.q) cut = {q, along, number};
+  }
+}
+
+void Links::build(const Surface& surface, const Cells& cells, std::uint8_t reason,
+                  const Populations& layout) {
+  clear();
+  const auto& segments = surface.segments();
+  for (std::uint32_t number = 0; number < segments.size(); ++number) {
+    const Segment& s = segments[number];
+    const double low = std::min(s.ay, s.by);
+    const double high = std::max(s.ay, s.by);
+    const int y_first =
+        std::max(grid_.periodic_y ? -1 : 0, static_cast<int>(std::floor(std::max(low, -3.0))) - 1);
+    const int y_last = std::min(grid_.periodic_y ? grid_.ny : grid_.ny - 1,
+                                static_cast<int>(std::ceil(std::min(high, grid_.ny + 3.0))) + 1);
+    for (int y = y_first; y <= y_last; ++y) {
+      // The part of the segment that links of this row can reach.
+      double left = std::min(s.ax, s.bx);
+      double right = std::max(s.ax, s.bx);
+      if (high > low) {
+        const double from = std::clamp((y - 1.0 - s.ay) / (s.by - s.ay), 0.0, 1.0);
+        const double to = std::clamp((y + 1.0 - s.ay) / (s.by - s.ay), 0.0, 1.0);
+        const double x_from = s.ax + from * (s.bx - s.ax);
+        const double x_to = s.ax + to * (s.bx - s.ax);
+        left = std::min(x_from, x_to);
+        right = std::max(x_from, x_to);
+      }
+      const double limit = grid_.nx + 3.0;
+      const int x_first = std::max(grid_.periodic_x ? -1 : 0,
+                                   static_cast<int>(std::floor(std::clamp(left, -3.0, limit))) - 1);
+      const int x_last = std::min(grid_.periodic_x ? grid_.nx : grid_.nx - 1,
+                                  static_cast<int>(std::ceil(std::clamp(right, -3.0, limit))) + 1);
+      for (int x = x_first; x <= x_last; ++x) visit({x, y}, s, number, cells, reason);
+    }
+  }
+  for (const Candidate& candidate : candidates_) {
+    const Node node = candidate.node;
+    candidate_of_[static_cast<std::size_t>(node.y) * static_cast<std::size_t>(grid_.nx) +
+                  static_cast<std::size_t>(node.x)] = -1;
+    for (int i = 1; i < D2Q9::count; ++i) {
+      const auto& c = D2Q9::velocity[static_cast<std::size_t>(i)];
+      const bool into_solid = (cells.state(node.x + c[0], node.y + c[1]) & reason) != 0;
+      if (into_solid || candidate.cuts[static_cast<std::size_t>(i)].q <= 1)
+        add(candidate, i, surface, cells, layout);
+    }
+  }
+  counts_.links = rules_.size();
+}
+
+void Links::add(const Candidate& candidate, int i, const Surface& surface, const Cells& cells,
+                const Populations& layout) {
+  const auto direction = static_cast<std::size_t>(i);
+  const auto& c = D2Q9::velocity[direction];
+  const int o = D2Q9::opposite[direction];
+  Cut cut = candidate.cuts[direction];
+  Place place{candidate.node, i, cut.q, 0, 0};
+  if (cut.q > 1) {
+    ++counts_.unresolved;
+    place.q = 0.5;
+    const auto near = surface.nearest(candidate.node.x + 0.5 * c[0], candidate.node.y + 0.5 * c[1]);
+    place.velocity_x = near.velocity_x;
+    place.velocity_y = near.velocity_y;
+  } else {
+    const Segment& s = surface.segments()[cut.segment];
+    const auto& v = surface.velocities();
+    place.velocity_x = (1 - cut.along) * v[2 * s.a] + cut.along * v[2 * s.b];
+    place.velocity_y = (1 - cut.along) * v[2 * s.a + 1] + cut.along * v[2 * s.b + 1];
+  }
+  const bool second_fluid = cells.fluid(candidate.node.x - c[0], candidate.node.y - c[1]);
+  if (place.q < 0.5 && !second_fluid) {
+    ++counts_.halfway;
+    place.q = 0.5;
+  }
+  const std::ptrdiff_t node = layout.node(candidate.node.x, candidate.node.y);
+  Rule rule;
+  for (const Parity parity : {Parity::even, Parity::odd}) {
+    const std::size_t k = index_of(parity);
+    rule.leaving[k] = layout.post_collision(parity, i, node);
+    rule.incoming[k] = layout.incoming(parity, o, node);
+    // The population that left the node behind along i is the one that comes in along i.
+    rule.second[k] =
+        place.q < 0.5 ? layout.incoming(parity, i, node) : layout.post_collision(parity, o, node);
+  }
+  const double along_wall = -(c[0] * place.velocity_x + c[1] * place.velocity_y);  // c_in . u_wall
+  const double added = 6.0 * D2Q9::weight[direction] * along_wall;
+  if (place.q < 0.5) {
+    rule.weight_leaving = 2 * place.q;
+    rule.weight_second = 1 - 2 * place.q;
+    rule.wall = added;
+  } else {
+    rule.weight_leaving = 1 / (2 * place.q);
+    rule.weight_second = 1 - rule.weight_leaving;
+    rule.wall = added * rule.weight_leaving;
+  }
+  places_.push_back(place);
+  rules_.push_back(rule);
+}
+
+void Links::reflect(Populations& populations, Parity parity, bool compressible) const {
+  const std::size_t k = index_of(parity);
+  double* const f = populations.data();
+#pragma omp for schedule(static)
+  for (std::size_t n = 0; n < rules_.size(); ++n) {
+    const Rule& rule = rules_[n];
+    double wall = rule.wall;
+    if (compressible && wall != 0) {
+      const std::ptrdiff_t node = populations.node(places_[n].node.x, places_[n].node.y);
+      double excess = 0;
+      for (int i = 0; i < D2Q9::count; ++i) excess += f[populations.post_collision(parity, i, node)];
+      wall *= 1 + excess;
+    }
+    f[rule.incoming[k]] =
+        rule.weight_leaving * f[rule.leaving[k]] + rule.weight_second * f[rule.second[k]] + wall;
+  }
+}
+
+Force Links::force(const Populations& populations) const {
+  const std::size_t k = index_of(populations.parity());
+  Force total;
+  for (std::size_t n = 0; n < rules_.size(); ++n) {
+    const Place& place = places_[n];
+    const auto& c = D2Q9::velocity[static_cast<std::size_t>(place.direction)];
+    const double leaving = populations[rules_[n].leaving[k]];
+    const double incoming = populations[rules_[n].incoming[k]];
+    const double fx = leaving * (c[0] - place.velocity_x) - incoming * (-c[0] - place.velocity_x);
+    const double fy = leaving * (c[1] - place.velocity_y) - incoming * (-c[1] - place.velocity_y);
+    total.x += fx;
+    total.y += fy;
+    total.moment += (place.node.x + place.q * c[0]) * fy - (place.node.y + place.q * c[1]) * fx;
+  }
+  return total;
+}
+
+}  // namespace estuary::fluid

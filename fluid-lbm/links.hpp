@@ -1,0 +1,93 @@
+// Links between a fluid node and a node inside a solid, and the rule that reflects populations there.
+//
+// Source: Bouzidi, Firdaouss, Lallemand, Phys. Fluids 13 (2001), linear interpolation, with the wall's
+// velocity; the wall cuts the link at the fraction q, counted from the fluid node:
+//   q <  1/2   f_in = 2q f*_i(x) + (1 - 2q) f*_i(x - c_i)                         + 6 w_i rho c_in.u_wall
+//   q >= 1/2   f_in = f*_i(x) / (2q) + (1 - 1/(2q)) f*_in(x)                      + (3/q) w_i rho c_in.u_wall
+// with `in` the opposite of i. Exact for a linear velocity profile at any q. For q < 1/2 a second fluid node
+// is needed behind x; where there is none the wall is taken to lie half-way, and counted.
+//
+// Force: momentum exchange, Galilean invariant form of Wen, Zhang, Tu, Wang, Fang, J. Comput. Phys. 266
+// (2014).
+#pragma once
+
+#include <array>
+#include <cstdint>
+#include <vector>
+
+#include "cells.hpp"
+#include "populations.hpp"
+#include "surface.hpp"
+
+namespace estuary::fluid {
+
+/// Force [lattice units] and moment about node (0, 0) on a surface.
+struct Force {
+  double x = 0;
+  double y = 0;
+  double moment = 0;
+};
+
+struct LinkCounts {
+  std::size_t links = 0;
+  std::size_t halfway = 0;     // q < 1/2 without a second fluid node
+  std::size_t unresolved = 0;  // no crossing found on the link: taken as half-way
+};
+
+class Links {
+public:
+  explicit Links(const Grid& grid);
+
+  /// Finds the links of fluid nodes to nodes that are solid because of `reason`, and their cuts with the
+  /// surface. Costs as many operations as the surface is long.
+  void build(const Surface& surface, const Cells& cells, std::uint8_t reason, const Populations& layout);
+  void clear();
+
+  /// Writes the incoming populations. Every thread of a parallel region calls it.
+  void reflect(Populations& populations, Parity parity, bool compressible) const;
+  /// On the surface, from the populations as `reflect` left them.
+  [[nodiscard]] Force force(const Populations& populations) const;
+  [[nodiscard]] const LinkCounts& counts() const { return counts_; }
+
+  struct Place {
+    Node node;
+    int direction = 0;
+    double q = 0.5;
+    double velocity_x = 0;  // of the wall [lattice units]
+    double velocity_y = 0;
+  };
+  [[nodiscard]] const std::vector<Place>& places() const { return places_; }
+
+private:
+  // What the rule needs, ready to use after an even [0] and an odd [1] step.
+  struct Rule {
+    std::array<std::ptrdiff_t, 2> leaving;
+    std::array<std::ptrdiff_t, 2> second;
+    std::array<std::ptrdiff_t, 2> incoming;
+    double weight_leaving = 1;
+    double weight_second = 0;
+    double wall = 0;  // what the wall's velocity adds at density 1
+  };
+  struct Cut {
+    double q = 2;
+    double along = 0;  // along the segment
+    std::uint32_t segment = 0;
+  };
+  struct Candidate {
+    Node node;
+    std::array<Cut, D2Q9::count> cuts;
+  };
+  void visit(Node node, const Segment& segment, std::uint32_t number, const Cells& cells,
+             std::uint8_t reason);
+  void add(const Candidate& candidate, int direction, const Surface& surface, const Cells& cells,
+           const Populations& layout);
+
+  Grid grid_;
+  std::vector<std::int32_t> candidate_of_;  // per node, -1 without
+  std::vector<Candidate> candidates_;
+  std::vector<Place> places_;
+  std::vector<Rule> rules_;
+  LinkCounts counts_;
+};
+
+}  // namespace estuary::fluid

@@ -1,0 +1,88 @@
+// The populations: one copy, updated in place by the AA pattern.
+//
+// Source: Bailey, Myre, Walsh, Lilja, Saar, "Accelerating lattice Boltzmann fluid flow simulations using
+// graphics processors", ICPP 2009. Steps of two kinds alternate. An even step reads the nine values of a node
+// and puts them back, exchanged with their opposites; an odd step gathers from the neighbours and scatters to
+// them. Both touch each memory location from one node only, so nodes can be updated in any order and in
+// parallel.
+//
+//                                                    after an even step        after an odd step
+//   population that left x along i (post-collision)  slot[opposite i](x)       slot[i](x + c_i)
+//   population that reaches x along i (incoming)     slot[opposite i](x - c_i) slot[i](x)
+//
+// Every boundary rule reads post-collision values and writes incoming ones and is written against the two
+// functions `post_collision` and `incoming`. What a rule writes for a link to a node that is no fluid is a
+// place that no fluid node's post-collision value occupies, so rules can be applied in any order, and twice.
+//
+// What is stored is the difference to the fluid at rest, f_i - w_i (reference density 1): it keeps the digits
+// that carry the flow when the Mach number is small, and makes every pressure a gauge pressure.
+#pragma once
+
+#include <cstddef>
+#include <memory>
+#include <span>
+
+#include "lattice.hpp"
+
+namespace estuary::fluid {
+
+/// Which kind of step was done last. A new state counts as `odd`: each population stands at its own node.
+enum class Parity { even, odd };
+
+class Populations {
+public:
+  using Lattice = D2Q9;
+
+  /// nx x ny nodes at rest, with one layer of ghost nodes around them. Throws std::bad_alloc.
+  Populations(int nx, int ny);
+
+  [[nodiscard]] int nx() const { return nx_; }
+  [[nodiscard]] int ny() const { return ny_; }
+  [[nodiscard]] Parity parity() const { return parity_; }
+  void set_parity(Parity parity) { parity_ = parity; }
+
+  /// Number of node (x, y) inside a plane; ghost nodes have x = -1 or nx, y = -1 or ny.
+  [[nodiscard]] std::ptrdiff_t node(int x, int y) const { return origin_ + y * pitch_ + x; }
+  [[nodiscard]] std::ptrdiff_t pitch() const { return pitch_; }
+  /// How far the neighbour along direction i lies in a plane.
+  [[nodiscard]] std::ptrdiff_t step(int i) const {
+    const auto& c = Lattice::velocity[static_cast<std::size_t>(i)];
+    return c[1] * pitch_ + c[0];
+  }
+  [[nodiscard]] std::ptrdiff_t slot(int i, std::ptrdiff_t node) const { return i * plane_ + node; }
+
+  [[nodiscard]] std::ptrdiff_t post_collision(Parity parity, int i, std::ptrdiff_t node) const {
+    return parity == Parity::even ? slot(opposite(i), node) : slot(i, node + step(i));
+  }
+  [[nodiscard]] std::ptrdiff_t incoming(Parity parity, int i, std::ptrdiff_t node) const {
+    return parity == Parity::even ? slot(opposite(i), node - step(i)) : slot(i, node);
+  }
+
+  [[nodiscard]] double* data() { return data_.get(); }
+  [[nodiscard]] const double* data() const { return data_.get(); }
+  [[nodiscard]] double& operator[](std::ptrdiff_t location) { return data_.get()[location]; }
+  [[nodiscard]] double operator[](std::ptrdiff_t location) const { return data_.get()[location]; }
+  /// All values, ghosts and padding included: what a copy or a checkpoint has to hold besides the parity.
+  [[nodiscard]] std::span<double> values() { return {data_.get(), size_}; }
+  [[nodiscard]] std::span<const double> values() const { return {data_.get(), size_}; }
+  [[nodiscard]] static double memory_bytes(int nx, int ny);
+
+private:
+  struct Release {
+    void operator()(double* memory) const;
+  };
+  [[nodiscard]] static constexpr int opposite(int i) {
+    return Lattice::opposite[static_cast<std::size_t>(i)];
+  }
+
+  int nx_;
+  int ny_;
+  std::ptrdiff_t pitch_;
+  std::ptrdiff_t plane_;
+  std::ptrdiff_t origin_;
+  std::size_t size_;
+  std::unique_ptr<double, Release> data_;
+  Parity parity_ = Parity::odd;
+};
+
+}  // namespace estuary::fluid

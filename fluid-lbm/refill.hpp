@@ -1,0 +1,23 @@
+// Gives populations to nodes that a moving solid has left.
+//
+// Density: mean of the fluid neighbours. Velocity: the wall's. Non-equilibrium part: that of the neighbour
+// that lies best along the wall's normal (Caiazzo, Prog. Comput. Fluid Dyn. 8 (2008); Chikatamarla, Ansumali,
+// Karlin, Europhys. Lett. 74 (2006)). Where a whole layer of nodes is uncovered at once, as between two
+// equilibria of a steady iteration, nodes are filled layer by layer from the fluid into the gap.
+#pragma once
+
+#include <vector>
+
+#include "cells.hpp"
+#include "collide.hpp"
+#include "populations.hpp"
+#include "surface.hpp"
+
+namespace estuary::fluid {
+
+/// `uncovered` holds nodes that `cells` already counts as fluid. Returns how many had no fluid node to start
+/// from and were set to equilibrium at density 1 with the wall's velocity.
+std::size_t refill(Populations& populations, const Cells& cells, std::vector<Node> uncovered,
+                   const Surface& surface, EquilibriumModel equilibrium);
+
+}  // namespace estuary::fluid

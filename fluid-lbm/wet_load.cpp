@@ -1,0 +1,174 @@
+#include "wet_load.hpp"
+
+#include <algorithm>
+#include <cmath>
+
+namespace estuary::fluid {
+namespace {
+
+// A linear fit whose weights add up to more than this in absolute value would amplify errors: the nodes lie
+// too much in a line.
+constexpr double largest_amplification = 6.0;
+// How far the nearest fluid node is looked for [spacings].
+constexpr int nearest_reach = 12;
+
+// Whether the open segment from p to q meets segment s.
+bool hides(const Segment& s, double px, double py, double qx, double qy) {
+  const double dx = qx - px;
+  const double dy = qy - py;
+  const double side_a = dx * (s.ay - py) - dy * (s.ax - px);
+  const double side_b = dx * (s.by - py) - dy * (s.bx - px);
+  if ((side_a > 0) == (side_b > 0) && side_a != 0 && side_b != 0) return false;
+  const double tx = s.bx - s.ax;
+  const double ty = s.by - s.ay;
+  const double side_p = tx * (py - s.ay) - ty * (px - s.ax);
+  const double side_q = tx * (qy - s.ay) - ty * (qx - s.ax);
+  return (side_p > 0) != (side_q > 0);
+}
+
+}  // namespace
+
+void WetLoad::find_visible(const Surface& surface, const Cells& cells, std::uint32_t wet_node,
+                           double normal_x, double normal_y) {
+  const Grid& grid = cells.grid();
+  double px = surface.positions()[2 * wet_node];
+  double py = surface.positions()[2 * wet_node + 1];
+  if (grid.periodic_x) px -= std::floor((px + 0.5) / grid.nx) * grid.nx;
+  if (grid.periodic_y) py -= std::floor((py + 0.5) / grid.ny) * grid.ny;
+  candidates_.clear();
+  if (!(px > -radius && px < grid.nx + radius && py > -radius && py < grid.ny + radius)) return;
+  near_.clear();
+  for (const Segment& s : surface.segments()) {
+    if (s.a == wet_node || s.b == wet_node) continue;
+    if (std::max(s.ax, s.bx) < px - radius || std::min(s.ax, s.bx) > px + radius) continue;
+    if (std::max(s.ay, s.by) < py - radius || std::min(s.ay, s.by) > py + radius) continue;
+    near_.push_back(&s);
+  }
+  for (int y = static_cast<int>(std::ceil(py - radius)); y <= static_cast<int>(std::floor(py + radius));
+       ++y) {
+    for (int x = static_cast<int>(std::ceil(px - radius)); x <= static_cast<int>(std::floor(px + radius));
+         ++x) {
+      const Node node{grid.wrap_x(x), grid.wrap_y(y)};
+      if (!grid.inside(node.x, node.y) || !cells.fluid(node.x, node.y)) continue;
+      const double dx = x - px;
+      const double dy = y - py;
+      const double fraction = (dx * dx + dy * dy) / (radius * radius);
+      if (fraction >= 1 || dx * normal_x + dy * normal_y <= 0) continue;
+      if (std::any_of(near_.begin(), near_.end(), [&](const Segment* s) { return hides(*s, px, py, x, y); }))
+        continue;
+      candidates_.push_back({node, dx, dy, (1 - fraction) * (1 - fraction)});
+    }
+  }
+}
+
+bool WetLoad::find_nearest(const Cells& cells, double px, double py) {
+  const Grid& grid = cells.grid();
+  double best = nearest_reach * nearest_reach;
+  candidates_.clear();
+  if (!(std::abs(px) < 1e9 && std::abs(py) < 1e9)) return false;
+  const int x0 = static_cast<int>(std::lround(px));
+  const int y0 = static_cast<int>(std::lround(py));
+  for (int y = std::max(0, y0 - nearest_reach); y <= std::min(grid.ny - 1, y0 + nearest_reach); ++y) {
+    for (int x = std::max(0, x0 - nearest_reach); x <= std::min(grid.nx - 1, x0 + nearest_reach); ++x) {
+      const double square = (x - px) * (x - px) + (y - py) * (y - py);
+      if (square >= best || !cells.fluid(x, y)) continue;
+      best = square;
+      candidates_.assign(1, {{x, y}, x - px, y - py, 1.0});
+    }
+  }
+  return !candidates_.empty();
+}
+
+// The fitted value at the wet node is the first coefficient of the fit, a weighted sum of the values: weights
+// from the first row of the inverse of the matrix of moments.
+bool WetLoad::fit_linear() {
+  if (candidates_.size() < 3) return false;
+  double m00 = 0, m01 = 0, m02 = 0, m11 = 0, m12 = 0, m22 = 0;
+  for (const Support& s : candidates_) {
+    m00 += s.weight;
+    m01 += s.weight * s.dx;
+    m02 += s.weight * s.dy;
+    m11 += s.weight * s.dx * s.dx;
+    m12 += s.weight * s.dx * s.dy;
+    m22 += s.weight * s.dy * s.dy;
+  }
+  const double c0 = m11 * m22 - m12 * m12;
+  const double c1 = m02 * m12 - m01 * m22;
+  const double c2 = m01 * m12 - m02 * m11;
+  const double determinant = m00 * c0 + m01 * c1 + m02 * c2;
+  if (!(determinant > 1e-12 * m00 * m00 * m00)) return false;
+  double amplification = 0;
+  for (const Support& s : candidates_) {
+    amplification += std::abs(s.weight * (c0 + c1 * s.dx + c2 * s.dy) / determinant);
+  }
+  if (amplification > largest_amplification) return false;
+  for (Support& s : candidates_) s.weight *= (c0 + c1 * s.dx + c2 * s.dy) / determinant;
+  return true;
+}
+
+void WetLoad::fit_mean() {
+  double sum = 0;
+  for (const Support& s : candidates_) sum += s.weight;
+  for (Support& s : candidates_) s.weight /= sum;
+}
+
+void WetLoad::build(const Surface& surface, const Cells& cells) {
+  supports_.clear();
+  first_.assign(1, 0);
+  counts_ = {};
+  normals_ = surface.node_normals();
+  for (std::uint32_t n = 0; n < surface.node_count(); ++n) {
+    find_visible(surface, cells, n, normals_[2 * n], normals_[2 * n + 1]);
+    if (fit_linear()) {
+      ++counts_.linear;
+    } else if (!candidates_.empty()) {
+      fit_mean();
+      ++counts_.mean;
+    } else if (find_nearest(cells, surface.positions()[2 * n], surface.positions()[2 * n + 1])) {
+      ++counts_.nearest;
+    } else {
+      ++counts_.without;
+    }
+    supports_.insert(supports_.end(), candidates_.begin(), candidates_.end());
+    first_.push_back(supports_.size());
+  }
+}
+
+void WetLoad::evaluate(const Populations& populations, EquilibriumModel model, Rates rates,
+                       std::vector<double>& pressure, std::vector<double>* traction) const {
+  const std::size_t nodes = first_.size() - 1;
+  pressure.assign(nodes, 0.0);
+  if (traction != nullptr) traction->assign(2 * nodes, 0.0);
+  const double factor = -(1 - 0.5 * rates.even);
+  for (std::size_t n = 0; n < nodes; ++n) {
+    double xx = 0;
+    double xy = 0;
+    double yy = 0;
+    for (std::size_t k = first_[n]; k < first_[n + 1]; ++k) {
+      const Support& s = supports_[k];
+      const std::ptrdiff_t node = populations.node(s.node.x, s.node.y);
+      std::array<double, D2Q9::count> f;
+      for (int i = 0; i < D2Q9::count; ++i) {
+        f[static_cast<std::size_t>(i)] = populations[populations.incoming(populations.parity(), i, node)];
+      }
+      const Moments m = moments_of<D2Q9>(f);
+      pressure[n] += s.weight * D2Q9::sound_speed_squared * m.excess;
+      if (traction == nullptr) continue;
+      const double inverse =
+          model == EquilibriumModel::compressible ? Compressible::inverse_density(m.excess) : 1.0;
+      for (int i = 1; i < D2Q9::count; ++i) {
+        const auto& c = D2Q9::velocity[static_cast<std::size_t>(i)];
+        const double part =
+            s.weight * factor * (f[static_cast<std::size_t>(i)] - equilibrium<D2Q9>(i, m, inverse));
+        xx += c[0] * c[0] * part;
+        xy += c[0] * c[1] * part;
+        yy += c[1] * c[1] * part;
+      }
+    }
+    if (traction == nullptr) continue;
+    (*traction)[2 * n] = xx * normals_[2 * n] + xy * normals_[2 * n + 1];
+    (*traction)[2 * n + 1] = xy * normals_[2 * n] + yy * normals_[2 * n + 1];
+  }
+}
+
+}  // namespace estuary::fluid

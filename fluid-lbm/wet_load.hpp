@@ -1,0 +1,62 @@
+// Load of the fluid on the nodes of a wet surface: gauge pressure and viscous traction, from the fluid nodes
+// in front of each.
+//
+// At each wet node a linear function is fitted to the values of the fluid nodes on its wet side by moving
+// least squares (Lancaster, Salkauskas, Math. Comput. 37 (1981)) and evaluated at the node. Fluid nodes that
+// another part of the surface hides, as on the other face of a thin fin, take no part. Where too few nodes
+// are left for a linear fit their weighted mean is used, where there are none the nearest fluid node; both
+// are counted. The viscous stress follows from the non-equilibrium part, sigma = -(1 - 1/(2 tau+)) sum_i c_i
+// c_i (f_i - f_i^eq) (Krueger, Varnik, Raabe, Phys. Rev. E 79 (2009)).
+#pragma once
+
+#include <vector>
+
+#include "cells.hpp"
+#include "collide.hpp"
+#include "populations.hpp"
+#include "surface.hpp"
+
+namespace estuary::fluid {
+
+struct WetLoadCounts {
+  std::size_t linear = 0;
+  std::size_t mean = 0;
+  std::size_t nearest = 0;
+  std::size_t without = 0;  // no fluid anywhere near: the load is zero
+};
+
+class WetLoad {
+public:
+  /// Radius of the neighbourhood used for a fit [spacings].
+  static constexpr double radius = 3.0;
+
+  /// Chooses fluid nodes and weights for the surface as it is placed now.
+  void build(const Surface& surface, const Cells& cells);
+  /// Lattice units; one value per wet node, traction two. `traction` may be null. Populations with boundary
+  /// rules applied.
+  void evaluate(const Populations& populations, EquilibriumModel equilibrium, Rates rates,
+                std::vector<double>& pressure, std::vector<double>* traction) const;
+  [[nodiscard]] const WetLoadCounts& counts() const { return counts_; }
+
+private:
+  struct Support {
+    Node node;
+    double dx = 0;  // from the wet node [spacings]
+    double dy = 0;
+    double weight = 0;
+  };
+  void find_visible(const Surface& surface, const Cells& cells, std::uint32_t wet_node, double normal_x,
+                    double normal_y);
+  bool find_nearest(const Cells& cells, double x, double y);
+  bool fit_linear();
+  void fit_mean();
+
+  std::vector<Support> candidates_;
+  std::vector<const Segment*> near_;
+  std::vector<Support> supports_;   // of all wet nodes, one after another
+  std::vector<std::size_t> first_;  // of each wet node, and one past the last
+  std::vector<double> normals_;
+  WetLoadCounts counts_;
+};
+
+}  // namespace estuary::fluid
