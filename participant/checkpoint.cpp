@@ -6,6 +6,7 @@
 #include <stdexcept>
 #include <vector>
 
+#include "atomic_file.hpp"
 #include "hdf5_handle.hpp"
 
 namespace estuary {
@@ -102,52 +103,45 @@ void check_finite(std::span<const double> values, const std::filesystem::path& f
 
 }  // namespace
 
-CheckpointWriter::CheckpointWriter(std::filesystem::path file)
-    : file_(std::move(file)), temporary_(hdf5::temporary_of(file_)) {
+CheckpointWriter::CheckpointWriter(std::filesystem::path file) : file_(std::move(file)) {
   hdf5::throw_instead_of_print();
-  Handle created(check(H5Fcreate(temporary_.c_str(), H5F_ACC_TRUNC, H5P_DEFAULT, H5P_DEFAULT), temporary_,
-                       "cannot be created"),
-                 H5Fclose);
+  Handle created = hdf5::create_in_memory(file_);
   const auto what = std::string("cannot be marked as a checkpoint");
-  const Handle space(check(H5Screate(H5S_SCALAR), temporary_, what), H5Sclose);
+  const Handle space(check(H5Screate(H5S_SCALAR), file_, what), H5Sclose);
   const Handle attribute(
-      check(H5Acreate2(created.get(), marker, H5T_STD_U64LE, space.get(), H5P_DEFAULT, H5P_DEFAULT),
-            temporary_, what),
+      check(H5Acreate2(created.get(), marker, H5T_STD_U64LE, space.get(), H5P_DEFAULT, H5P_DEFAULT), file_,
+            what),
       H5Aclose);
-  check(H5Awrite(attribute.get(), H5T_NATIVE_UINT64, &layout_version), temporary_, what);
+  check(H5Awrite(attribute.get(), H5T_NATIVE_UINT64, &layout_version), file_, what);
   handle_ = created.release();
 }
 
 CheckpointWriter::~CheckpointWriter() {
-  if (handle_ < 0) return;
-  H5Fclose(handle_);
-  std::error_code ignored;
-  std::filesystem::remove(temporary_, ignored);
+  if (handle_ >= 0) H5Fclose(handle_);
 }
 
 void CheckpointWriter::add(const std::string& name, std::span<const double> values) {
   hdf5::throw_instead_of_print();
-  write_array(handle_, temporary_, name, H5T_IEEE_F64LE, H5T_NATIVE_DOUBLE, values.data(), values.size());
+  write_array(handle_, file_, name, H5T_IEEE_F64LE, H5T_NATIVE_DOUBLE, values.data(), values.size());
 }
 
 void CheckpointWriter::add(const std::string& name, std::span<const std::uint8_t> values) {
   hdf5::throw_instead_of_print();
-  write_array(handle_, temporary_, name, H5T_STD_U8LE, H5T_NATIVE_UINT8, values.data(), values.size());
+  write_array(handle_, file_, name, H5T_STD_U8LE, H5T_NATIVE_UINT8, values.data(), values.size());
 }
 
 void CheckpointWriter::add(const std::string& name, std::uint64_t value) {
   hdf5::throw_instead_of_print();
-  write_array(handle_, temporary_, name, H5T_STD_U64LE, H5T_NATIVE_UINT64, &value, 1);
+  write_array(handle_, file_, name, H5T_STD_U64LE, H5T_NATIVE_UINT64, &value, 1);
 }
 
 void CheckpointWriter::commit() {
   if (handle_ < 0) throw std::runtime_error(fmt::format("{}: was committed before", file_.string()));
   hdf5::throw_instead_of_print();
-  check(H5Fflush(handle_, H5F_SCOPE_GLOBAL), temporary_, "cannot be written to disk");
+  write_atomically(file_, hdf5::content_of(handle_, file_));
   const auto closed = H5Fclose(handle_);
   handle_ = -1;
-  check(closed, temporary_, "cannot be closed");
-  hdf5::rename_into_place(temporary_, file_);
+  check(closed, file_, "cannot be closed");
 }
 
 CheckpointReader::CheckpointReader(const std::filesystem::path& file) : file_(file) {

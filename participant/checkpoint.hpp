@@ -9,10 +9,10 @@
 
 namespace estuary {
 
-/// Collects arrays and writes them to a temporary file that is renamed into place by `commit`, so that a
-/// crash leaves the older file whole.
+/// Collects arrays in memory; `commit` writes them to a temporary file and renames it into place, so that a
+/// crash or a full disk leaves the older file whole. Errors throw std::runtime_error naming the file.
 class CheckpointWriter {
- public:
+public:
   explicit CheckpointWriter(std::filesystem::path file);
   ~CheckpointWriter();
   CheckpointWriter(const CheckpointWriter&) = delete;
@@ -22,15 +22,14 @@ class CheckpointWriter {
   void add(const std::string& name, std::uint64_t value);
   void commit();
 
- private:
+private:
   std::filesystem::path file_;
-  std::filesystem::path temporary_;
   std::int64_t handle_ = -1;
 };
 
 /// Reads them back; a missing array or one of another length throws std::runtime_error naming it.
 class CheckpointReader {
- public:
+public:
   explicit CheckpointReader(const std::filesystem::path& file);
   ~CheckpointReader();
   CheckpointReader(const CheckpointReader&) = delete;
@@ -40,7 +39,7 @@ class CheckpointReader {
   [[nodiscard]] std::uint64_t read_count(const std::string& name) const;
   [[nodiscard]] std::vector<double> read_all(const std::string& name) const;
 
- private:
+private:
   std::filesystem::path file_;
   std::int64_t handle_ = -1;
 };

@@ -10,6 +10,7 @@
 #include <string_view>
 #include <utility>
 
+#include "atomic_file.hpp"
 #include "hdf5_handle.hpp"
 
 namespace estuary {
@@ -121,49 +122,33 @@ void write_array(hid_t location, const std::filesystem::path& file, const std::s
   dataset.close(file);
 }
 
-/// A VTKHDF file under a temporary name, with its type; `finish` gives it its name.
+/// A VTKHDF file with its type; it is on the disk after `finish`.
 class FieldFile {
 public:
   FieldFile(const std::filesystem::path& file, std::string_view type)
-      : file_(file),
-        temporary_(hdf5::temporary_of(file)),
-        handle_(create(temporary_)),
-        group_(create_group(handle_.get(), temporary_, "VTKHDF")) {
+      : file_(file), handle_(create(file)), group_(create_group(handle_.get(), file, "VTKHDF")) {
     const std::array<std::int64_t, 2> version{1, 0};
-    write_attribute(group_.get(), temporary_, "Version", H5T_STD_I64LE, H5T_NATIVE_INT64, 2, version.data());
-    write_type(group_.get(), temporary_, type);
-  }
-  FieldFile(const FieldFile&) = delete;
-  FieldFile& operator=(const FieldFile&) = delete;
-  ~FieldFile() {
-    std::error_code ignored;
-    if (!finished_) std::filesystem::remove(temporary_, ignored);
+    write_attribute(group_.get(), file, "Version", H5T_STD_I64LE, H5T_NATIVE_INT64, 2, version.data());
+    write_type(group_.get(), file, type);
   }
 
   [[nodiscard]] hid_t group() const { return group_.get(); }
-  [[nodiscard]] const std::filesystem::path& path() const { return temporary_; }
 
   void finish() {
-    group_.close(temporary_);
-    check(H5Fflush(handle_.get(), H5F_SCOPE_GLOBAL), temporary_, "cannot be written to disk");
-    handle_.close(temporary_);
-    hdf5::rename_into_place(temporary_, file_);
-    finished_ = true;
+    group_.close(file_);
+    write_atomically(file_, hdf5::content_of(handle_.get(), file_));
+    handle_.close(file_);
   }
 
 private:
   static Handle create(const std::filesystem::path& file) {
     hdf5::throw_instead_of_print();
-    return {
-        check(H5Fcreate(file.c_str(), H5F_ACC_TRUNC, H5P_DEFAULT, H5P_DEFAULT), file, "cannot be created"),
-        H5Fclose};
+    return hdf5::create_in_memory(file);
   }
 
   std::filesystem::path file_;
-  std::filesystem::path temporary_;
   Handle handle_;
   Handle group_;
-  bool finished_ = false;
 };
 
 /// One field of an image, layer by layer; a single layer is repeated to fill `layers`.
@@ -215,15 +200,13 @@ void write_image(const std::filesystem::path& file, std::array<std::uint32_t, 3>
   const std::array<int, 6> whole_extent{0, last(points[0]), 0, last(points[1]), 0, last(layers)};
   const std::array<double, 3> spacings{spacing, spacing, spacing};
   const std::array<double, 9> direction{1, 0, 0, 0, 1, 0, 0, 0, 1};
-  write_attribute(out.group(), out.path(), "WholeExtent", H5T_STD_I32LE, H5T_NATIVE_INT, 6,
-                  whole_extent.data());
-  write_attribute(out.group(), out.path(), "Origin", H5T_IEEE_F64LE, H5T_NATIVE_DOUBLE, 3, origin.data());
-  write_attribute(out.group(), out.path(), "Spacing", H5T_IEEE_F64LE, H5T_NATIVE_DOUBLE, 3, spacings.data());
-  write_attribute(out.group(), out.path(), "Direction", H5T_IEEE_F64LE, H5T_NATIVE_DOUBLE, 9,
-                  direction.data());
-  auto point_data = create_group(out.group(), out.path(), "PointData");
-  for (const auto& field : fields) write_layers(point_data.get(), out.path(), field, points, layers);
-  point_data.close(out.path());
+  write_attribute(out.group(), file, "WholeExtent", H5T_STD_I32LE, H5T_NATIVE_INT, 6, whole_extent.data());
+  write_attribute(out.group(), file, "Origin", H5T_IEEE_F64LE, H5T_NATIVE_DOUBLE, 3, origin.data());
+  write_attribute(out.group(), file, "Spacing", H5T_IEEE_F64LE, H5T_NATIVE_DOUBLE, 3, spacings.data());
+  write_attribute(out.group(), file, "Direction", H5T_IEEE_F64LE, H5T_NATIVE_DOUBLE, 9, direction.data());
+  auto point_data = create_group(out.group(), file, "PointData");
+  for (const auto& field : fields) write_layers(point_data.get(), file, field, points, layers);
+  point_data.close(file);
   out.finish();
 }
 
@@ -259,29 +242,28 @@ void write_points(const std::filesystem::path& file, std::uint32_t dimension,
 
   FieldFile out(file, "UnstructuredGrid");
   const auto count = [&](const char* name, std::size_t value) {
-    write_array(out.group(), out.path(), name, H5T_STD_I64LE, H5T_NATIVE_INT64, {1}, &value);
+    write_array(out.group(), file, name, H5T_STD_I64LE, H5T_NATIVE_INT64, {1}, &value);
   };
   count("NumberOfPoints", points);
   count("NumberOfCells", cells);
   count("NumberOfConnectivityIds", connectivity.size());
-  write_array(out.group(), out.path(), "Connectivity", H5T_STD_I64LE, H5T_NATIVE_INT64, {connectivity.size()},
+  write_array(out.group(), file, "Connectivity", H5T_STD_I64LE, H5T_NATIVE_INT64, {connectivity.size()},
               connectivity.data());
-  write_array(out.group(), out.path(), "Offsets", H5T_STD_I64LE, H5T_NATIVE_INT64, {offsets.size()},
+  write_array(out.group(), file, "Offsets", H5T_STD_I64LE, H5T_NATIVE_INT64, {offsets.size()},
               offsets.data());
-  write_array(out.group(), out.path(), "Types", H5T_STD_U8LE, H5T_NATIVE_UINT8, {cells}, types.data());
+  write_array(out.group(), file, "Types", H5T_STD_U8LE, H5T_NATIVE_UINT8, {cells}, types.data());
   std::vector<double> widened;
   widen(positions, dimension, 0, points, widened);
-  write_array(out.group(), out.path(), "Points", H5T_IEEE_F64LE, H5T_NATIVE_DOUBLE, {points, 3},
-              widened.data());
-  auto point_data = create_group(out.group(), out.path(), "PointData");
+  write_array(out.group(), file, "Points", H5T_IEEE_F64LE, H5T_NATIVE_DOUBLE, {points, 3}, widened.data());
+  auto point_data = create_group(out.group(), file, "PointData");
   for (const auto& field : fields) {
     widen(field.values, field.components, 0, points, widened);
     std::vector<hsize_t> extent{points};
     if (field.components > 1) extent.push_back(components_written(field.components));
-    write_array(point_data.get(), out.path(), field.name, H5T_IEEE_F64LE, H5T_NATIVE_DOUBLE, extent,
+    write_array(point_data.get(), file, field.name, H5T_IEEE_F64LE, H5T_NATIVE_DOUBLE, extent,
                 widened.data());
   }
-  point_data.close(out.path());
+  point_data.close(file);
   out.finish();
 }
 
@@ -316,12 +298,8 @@ void FieldSeries::add(std::uint64_t number, double time) {
   nlohmann::ordered_json index{{"file-series-version", "1.0"}, {"files", nlohmann::ordered_json::array()}};
   for (const auto& [file, at] : frames_) index["files"].push_back({{"name", file}, {"time", at}});
   const auto path = folder_ / (name_ + ".hdf.series");
-  const auto temporary = hdf5::temporary_of(path);
-  std::ofstream stream(temporary);
-  stream << index.dump(1) << '\n';
-  stream.close();
-  if (!stream) throw std::runtime_error(fmt::format("{}: cannot be written", temporary.string()));
-  hdf5::rename_into_place(temporary, path);
+  const auto text = index.dump(1) + '\n';
+  write_atomically(path, std::as_bytes(std::span(text)));
 }
 
 }  // namespace estuary

@@ -1,17 +1,15 @@
 // Owns HDF5 identifiers and turns HDF5's return codes into exceptions that name the file.
 #pragma once
 
-#include <fcntl.h>
 #include <fmt/format.h>
 #include <hdf5.h>
-#include <unistd.h>
 
-#include <cerrno>
-#include <cstring>
+#include <cstddef>
 #include <filesystem>
 #include <stdexcept>
 #include <string>
 #include <utility>
+#include <vector>
 
 namespace estuary::hdf5 {
 
@@ -72,27 +70,24 @@ private:
   herr_t (*close_)(hid_t) = nullptr;
 };
 
-/// Puts a finished temporary file in the place of `file`, on the disk before it takes the name.
-inline void rename_into_place(const std::filesystem::path& temporary, const std::filesystem::path& file) {
-  const int descriptor = ::open(temporary.c_str(), O_RDONLY | O_CLOEXEC);
-  const bool synced = descriptor >= 0 && ::fsync(descriptor) == 0;
-  const int sync_error = errno;
-  if (descriptor >= 0) ::close(descriptor);
-  if (!synced) {
-    throw std::runtime_error(
-        fmt::format("{}: cannot be written to disk: {}", temporary.string(), std::strerror(sync_error)));
-  }
-  std::error_code error;
-  std::filesystem::rename(temporary, file, error);
-  if (error) {
-    throw std::runtime_error(fmt::format("{}: cannot be put in place: {}", file.string(), error.message()));
-  }
+/// An HDF5 file that lives in memory; `name` is used in messages. HDF5 1.10 crashes at the end of a program
+/// that could not write a file to a full disk, so it is never let near one.
+inline Handle create_in_memory(const std::filesystem::path& name) {
+  constexpr std::size_t growth = std::size_t{4} << 20;
+  const std::string what = "cannot be prepared";
+  const Handle access(check(H5Pcreate(H5P_FILE_ACCESS), name, what), H5Pclose);
+  check(H5Pset_fapl_core(access.get(), growth, false), name, what);
+  return {check(H5Fcreate(name.c_str(), H5F_ACC_TRUNC, H5P_DEFAULT, access.get()), name, what), H5Fclose};
 }
 
-inline std::filesystem::path temporary_of(const std::filesystem::path& file) {
-  auto temporary = file;
-  temporary += ".part";
-  return temporary;
+/// The bytes of a file in memory.
+inline std::vector<std::byte> content_of(hid_t file, const std::filesystem::path& name) {
+  const std::string what = "cannot be completed";
+  check(H5Fflush(file, H5F_SCOPE_GLOBAL), name, what);
+  const auto size = check(H5Fget_file_image(file, nullptr, 0), name, what);
+  std::vector<std::byte> content(static_cast<std::size_t>(size));
+  check(H5Fget_file_image(file, content.data(), content.size()), name, what);
+  return content;
 }
 
 }  // namespace estuary::hdf5

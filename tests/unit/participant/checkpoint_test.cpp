@@ -164,7 +164,8 @@ TEST_F(Checkpoint, RefusesATruncatedFile) {
 }
 
 TEST_F(Checkpoint, NamesAFileThatCannotBeWritten) {
-  EXPECT_THAT(failure([&] { CheckpointWriter(folder_.path() / "no-such-folder" / "a.h5"); }),
+  CheckpointWriter writer(folder_.path() / "no-such-folder" / "a.h5");
+  EXPECT_THAT(failure([&] { writer.commit(); }),
               AllOf(HasSubstr("no-such-folder/a.h5"), HasSubstr("cannot be created")));
 }
 

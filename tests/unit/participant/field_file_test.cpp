@@ -2,7 +2,10 @@
 #include "field_file.hpp"
 
 #include <gmock/gmock.h>
+#include <sys/resource.h>
 
+#include <cmath>
+#include <csignal>
 #include <fstream>
 #include <limits>
 #include <nlohmann/json.hpp>
@@ -94,11 +97,39 @@ TEST_F(FieldFiles, ReplaceAnOlderOneAndLeaveNothingElse) {
   EXPECT_THAT(files(), ElementsAre("frame.hdf"));
 }
 
-TEST_F(FieldFiles, OfAFullDiskAreReported) {
-  if (!std::filesystem::exists("/dev/full")) GTEST_SKIP() << "no /dev/full here";
-  std::filesystem::create_symlink("/dev/full", folder_.path() / "frame.hdf.part");
-  EXPECT_NE(image_failure({3, 2, 1}, 1.0, {{"p", 1, six_}}), "");
-  EXPECT_FALSE(std::filesystem::exists(file_));
+/// While it lives, files cannot grow beyond `bytes`, as on a disk that is nearly full.
+class LimitedDisk {
+public:
+  explicit LimitedDisk(rlim_t bytes) : handler_(std::signal(SIGXFSZ, SIG_IGN)) {
+    getrlimit(RLIMIT_FSIZE, &before_);
+    const rlimit limit{.rlim_cur = bytes, .rlim_max = before_.rlim_max};
+    setrlimit(RLIMIT_FSIZE, &limit);
+  }
+  LimitedDisk(const LimitedDisk&) = delete;
+  LimitedDisk& operator=(const LimitedDisk&) = delete;
+  ~LimitedDisk() {
+    setrlimit(RLIMIT_FSIZE, &before_);
+    std::signal(SIGXFSZ, handler_);
+  }
+
+private:
+  void (*handler_)(int);
+  rlimit before_{};
+};
+
+TEST_F(FieldFiles, OfAFullDiskAreReportedAndTheOlderFileStays) {
+  ASSERT_EQ(image_failure({3, 2, 1}, 1.0, {{"p", 1, six_}}), "");
+  const auto size = std::filesystem::file_size(file_);
+  std::vector<double> values(100 * 100);
+  for (std::size_t i = 0; i < values.size(); ++i) values[i] = std::sin(static_cast<double>(i));
+  {
+    const LimitedDisk disk(20'000);
+    EXPECT_THAT(image_failure({100, 100, 1}, 1.0, {{"p", 1, values}}), HasSubstr("frame.hdf"));
+  }
+  EXPECT_EQ(std::filesystem::file_size(file_), size);
+  EXPECT_THAT(files(), ElementsAre("frame.hdf"));
+  EXPECT_EQ(image_failure({100, 100, 1}, 1.0, {{"p", 1, values}}), "")
+      << "and writing goes on when there is room";
 }
 
 class Series : public FieldFiles {
