@@ -1,0 +1,164 @@
+// The time and equilibrium loops of one variant. Included only by the three files that instantiate it.
+#pragma once
+
+#include <algorithm>
+#include <cstdio>
+
+#include "solver.hpp"
+
+namespace estuary::solid {
+
+template <class Law, bool Stabilised, bool Viscous>
+class CompiledSolver final : public Solver {
+public:
+  CompiledSolver(const Body& body, Neighbourhood pairs, const SolverOptions& options)
+      : Solver(body, std::move(pairs)),
+        law_{options.constants},
+        viscosity_(options.viscosity),
+        acceleration_(2 * body.size()),
+        predicted_velocity_(Viscous ? 2 * body.size() : 0) {}
+
+  std::int64_t evaluate(std::span<const double> displacement) override {
+    const std::int64_t bad = compute_stress<Law, Stabilised>(body_, pairs_, law_, displacement, fields_);
+    compute_force<Stabilised, false>(body_, pairs_, viscosity_, displacement, {}, fields_);
+    return bad;
+  }
+  double energy(std::span<const double> displacement) const override {
+    return internal_energy<Law, Stabilised>(body_, pairs_, law_, displacement, fields_);
+  }
+  std::array<double, 16> tangent_at(std::size_t i) const override {
+    return tangent(law_, tensor_at(fields_.deformation_gradient, i));
+  }
+  Tensor<double> first_piola_kirchhoff_at(std::size_t i) const override {
+    return law_.first_piola_kirchhoff(tensor_at(fields_.deformation_gradient, i));
+  }
+  double stress_across(std::size_t i) const override {
+    return law_.stress_across(tensor_at(fields_.deformation_gradient, i));
+  }
+  bool symmetric_tangent() const override { return Law::hyperelastic; }
+
+  void advance(State& state, const Loading& loading, double duration, std::uint64_t steps, double damping,
+               const Monitor& monitor) override {
+    const double dt = duration / static_cast<double>(steps);
+    double* u = state.displacement.data();
+    double* v = state.velocity.data();
+    double* a = acceleration_.data();
+    const std::size_t n = body_.size();
+    const double decay = 1 - 0.5 * damping * dt;
+    const double gain = 1 / (1 + 0.5 * damping * dt);
+    const double gravity_work_before = gravity_work(state, loading);
+    const double start = state.time;
+
+    if (compute_stress<Law, Stabilised>(body_, pairs_, law_, state.displacement, fields_) > 0)
+      report_breakdown(0);
+    compute_force<Stabilised, Viscous>(body_, pairs_, viscosity_, state.displacement, state.velocity,
+                                       fields_);
+    add_surface_loads(loading, 0.0, start);
+    forces_to_accelerations(loading.gravity);
+
+    for (std::uint64_t step = 1; step <= steps; ++step) {
+      const double fraction = static_cast<double>(step) / static_cast<double>(steps);
+      const double time = start + fraction * duration;
+#pragma omp parallel for schedule(static)
+      for (std::size_t c = 0; c < 2 * n; ++c) {
+        v[c] = decay * v[c] + 0.5 * dt * a[c];
+        u[c] += dt * v[c];
+        // The viscous force wants the velocity at the step's end; half a step's extrapolation keeps second
+        // order.
+        if constexpr (Viscous) predicted_velocity_[c] = v[c] + 0.5 * dt * a[c];
+      }
+      if (compute_stress<Law, Stabilised>(body_, pairs_, law_, state.displacement, fields_) > 0)
+        report_breakdown(step);
+      compute_force<Stabilised, Viscous>(body_, pairs_, viscosity_, state.displacement, predicted_velocity_,
+                                         fields_);
+      state.external_work +=
+          surface_work(loading, state, dt, fraction, 1.0 / static_cast<double>(steps), time);
+      add_surface_loads(loading, fraction, time);
+      forces_to_accelerations(loading.gravity);
+#pragma omp parallel for schedule(static)
+      for (std::size_t c = 0; c < 2 * n; ++c) v[c] = gain * (v[c] + 0.5 * dt * a[c]);
+      if (step % 128 == 0) {
+        char note[64];
+        std::snprintf(note, sizeof note, "step %llu of %llu", static_cast<unsigned long long>(step),
+                      static_cast<unsigned long long>(steps));
+        monitor(fraction, note);
+      }
+    }
+    state.time = start + duration;
+    state.external_work += gravity_work(state, loading) - gravity_work_before;
+  }
+
+  EquilibriumReport relax(std::vector<double>& displacement, const Loading& loading, double time,
+                          const EquilibriumSettings& settings, const Monitor& monitor) override;
+
+private:
+  void add_surface_loads(const Loading& loading, double fraction, double time) {
+    for (const ParticleLoad& load : loading.loads) {
+      const double factor = load.factor ? load.factor(time) : 1.0;
+      for (std::size_t k = 0; k < load.particle.size(); ++k)
+        for (std::size_t c = 0; c < 2; ++c)
+          fields_.force[2 * load.particle[k] + c] +=
+              factor * (load.start[2 * k + c] + fraction * (load.end[2 * k + c] - load.start[2 * k + c]));
+    }
+  }
+
+  // Trapezoidal work of the surface loads over the step just drifted.
+  double surface_work(const Loading& loading, const State& state, double dt, double fraction, double share,
+                      double time) const {
+    double work = 0;
+    for (const ParticleLoad& load : loading.loads) {
+      const double now = load.factor ? load.factor(time) : 1.0;
+      const double before = load.factor ? load.factor(time - dt) : 1.0;
+      for (std::size_t k = 0; k < load.particle.size(); ++k)
+        for (std::size_t c = 0; c < 2; ++c) {
+          const double change = load.end[2 * k + c] - load.start[2 * k + c], first = load.start[2 * k + c];
+          const double mean =
+              0.5 * (now * (first + fraction * change) + before * (first + (fraction - share) * change));
+          work += mean * dt * state.velocity[2 * load.particle[k] + c];
+        }
+    }
+    return work;
+  }
+
+  double gravity_work(const State& state, const Loading& loading) const {
+    if (loading.gravity[0] == 0 && loading.gravity[1] == 0) return 0;
+    return ordered_sum(body_.size(), [&](std::size_t i) {
+      return body_.mass[i] * (loading.gravity[0] * state.displacement[2 * i] +
+                              loading.gravity[1] * state.displacement[2 * i + 1]);
+    });
+  }
+
+  void forces_to_accelerations(const std::array<double, 2>& gravity) {
+    const std::size_t n = body_.size();
+    const double* force = fields_.force.data();
+    double* a = acceleration_.data();
+#pragma omp parallel for schedule(static)
+    for (std::size_t i = 0; i < n; ++i) {
+      const bool fixed = body_.fixed[i] != 0;
+      a[2 * i] = fixed ? 0.0 : force[2 * i] / body_.mass[i] + gravity[0];
+      a[2 * i + 1] = fixed ? 0.0 : force[2 * i + 1] / body_.mass[i] + gravity[1];
+    }
+  }
+
+  Law law_;
+  ArtificialViscosity viscosity_;
+  std::vector<double> acceleration_;
+  std::vector<double> predicted_velocity_;
+};
+
+template <class Law>
+std::unique_ptr<Solver> make_solver(const Body& body, const SolverOptions& options) {
+  const bool stabilised = options.stabilisation_modulus > 0;
+  const bool viscous = options.viscosity.linear > 0 || options.viscosity.quadratic > 0;
+  Neighbourhood pairs = build_neighbourhood(
+      body, {.order = options.order, .spring_modulus = options.stabilisation_modulus, .viscous = viscous});
+  if (stabilised && viscous)
+    return std::make_unique<CompiledSolver<Law, true, true>>(body, std::move(pairs), options);
+  if (stabilised) return std::make_unique<CompiledSolver<Law, true, false>>(body, std::move(pairs), options);
+  if (viscous) return std::make_unique<CompiledSolver<Law, false, true>>(body, std::move(pairs), options);
+  return std::make_unique<CompiledSolver<Law, false, false>>(body, std::move(pairs), options);
+}
+
+}  // namespace estuary::solid
+
+#include "relaxation.hpp"

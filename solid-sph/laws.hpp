@@ -1,0 +1,144 @@
+// Elastic laws of the plane: first Piola-Kirchhoff stress P [Pa] from the deformation gradient F.
+//
+// Each law is a small value type with its constants; kernels take it as a template argument. The stress is
+// written for any number type, so that `Dual` numbers give the exact tangent dP/dF. In plane stress the
+// out-of-plane strain of the two laws linear in their strain is eliminated by lambda' = 2 lambda mu / (lambda
+// + 2 mu). Sources: Bonet & Wood, Nonlinear Continuum Mechanics for Finite Element Analysis, ch. 6.
+#pragma once
+
+#include <cmath>
+
+#include "tensor.hpp"
+
+namespace estuary::solid {
+
+enum class Plane { strain, stress };
+
+/// Lame's constants [Pa] as they act in the plane.
+struct ElasticConstants {
+  double lambda = 0;
+  double mu = 0;
+  /// Lambda for the stress across the plane; 0 in plane stress, where that stress vanishes.
+  double lambda_across = 0;
+
+  static ElasticConstants from(double young_modulus, double poisson_ratio, Plane plane) {
+    const double mu = young_modulus / (2 * (1 + poisson_ratio));
+    const double lambda = young_modulus * poisson_ratio / ((1 + poisson_ratio) * (1 - 2 * poisson_ratio));
+    if (plane == Plane::strain) return {lambda, mu, lambda};
+    return {2 * lambda * mu / (lambda + 2 * mu), mu, 0};
+  }
+  /// Modulus of a plane compression wave, rho c^2 [Pa].
+  [[nodiscard]] double wave_modulus() const { return lambda + 2 * mu; }
+};
+
+/// S = lambda tr(E) I + 2 mu E between second Piola-Kirchhoff stress and Green-Lagrange strain.
+struct SaintVenantKirchhoff {
+  static constexpr const char* name = "svk";
+  static constexpr bool hyperelastic = true;
+  ElasticConstants constants;
+
+  template <class T>
+  Tensor<T> first_piola_kirchhoff(const Tensor<T>& f) const {
+    const T exx = (f.xx * f.xx + f.yx * f.yx - 1.0) * 0.5;
+    const T eyy = (f.xy * f.xy + f.yy * f.yy - 1.0) * 0.5;
+    const T two_exy = f.xx * f.xy + f.yx * f.yy;
+    const T pressure_part = (exx + eyy) * constants.lambda;
+    const T sxx = pressure_part + exx * (2 * constants.mu);
+    const T syy = pressure_part + eyy * (2 * constants.mu);
+    const T sxy = two_exy * constants.mu;
+    return {f.xx * sxx + f.xy * sxy, f.xx * sxy + f.xy * syy, f.yx * sxx + f.yy * sxy,
+            f.yx * sxy + f.yy * syy};
+  }
+  /// Elastic energy per reference volume [J/m3].
+  [[nodiscard]] double energy_density(const Tensor<double>& f) const {
+    const double exx = (f.xx * f.xx + f.yx * f.yx - 1) * 0.5;
+    const double eyy = (f.xy * f.xy + f.yy * f.yy - 1) * 0.5;
+    const double exy = (f.xx * f.xy + f.yx * f.yy) * 0.5;
+    return 0.5 * constants.lambda * (exx + eyy) * (exx + eyy) +
+           constants.mu * (exx * exx + eyy * eyy + 2 * exy * exy);
+  }
+  /// Cauchy stress across the plane [Pa].
+  [[nodiscard]] double stress_across(const Tensor<double>& f) const {
+    const double trace = 0.5 * (f.xx * f.xx + f.yx * f.yx + f.xy * f.xy + f.yy * f.yy - 2);
+    return constants.lambda_across * trace / determinant(f);
+  }
+};
+
+/// sigma = lambda tr(e) I + 2 mu e between Cauchy stress and Euler-Almansi strain. It has no energy function;
+/// what is given as its energy is J sigma : e / 2, right to third order in the strain.
+struct HookeAlmansi {
+  static constexpr const char* name = "hooke-almansi";
+  static constexpr bool hyperelastic = false;
+  ElasticConstants constants;
+
+  template <class T>
+  [[nodiscard]] static Tensor<T> almansi_strain(const Tensor<T>& f) {
+    const T j = determinant(f);
+    const T ixx = f.yy / j, ixy = -f.xy / j, iyx = -f.yx / j, iyy = f.xx / j;
+    const T cxx = ixx * ixx + iyx * iyx, cyy = ixy * ixy + iyy * iyy, cxy = ixx * ixy + iyx * iyy;
+    const T exy = cxy * -0.5;
+    return {(1.0 - cxx) * 0.5, exy, exy, (1.0 - cyy) * 0.5};
+  }
+  template <class T>
+  [[nodiscard]] Tensor<T> cauchy(const Tensor<T>& f) const {
+    const Tensor<T> e = almansi_strain(f);
+    const T pressure_part = (e.xx + e.yy) * constants.lambda;
+    return {pressure_part + e.xx * (2 * constants.mu), e.xy * (2 * constants.mu), e.yx * (2 * constants.mu),
+            pressure_part + e.yy * (2 * constants.mu)};
+  }
+  template <class T>
+  Tensor<T> first_piola_kirchhoff(const Tensor<T>& f) const {
+    return product(cauchy(f), cofactor(f));
+  }
+  [[nodiscard]] double energy_density(const Tensor<double>& f) const {
+    return 0.5 * determinant(f) * contraction(cauchy(f), almansi_strain(f));
+  }
+  [[nodiscard]] double stress_across(const Tensor<double>& f) const {
+    const Tensor<double> e = almansi_strain(f);
+    return constants.lambda_across * (e.xx + e.yy);
+  }
+};
+
+/// Compressible neo-Hooke, P = mu (F - F^-T) + lambda ln J F^-T, plane strain only.
+struct NeoHooke {
+  static constexpr const char* name = "neo-hooke";
+  static constexpr bool hyperelastic = true;
+  ElasticConstants constants;
+
+  template <class T>
+  Tensor<T> first_piola_kirchhoff(const Tensor<T>& f) const {
+    using std::log;
+    const T j = determinant(f);
+    const T factor = (log(j) * constants.lambda - constants.mu) / j;
+    const Tensor<T> c = cofactor(f);
+    return {f.xx * constants.mu + c.xx * factor, f.xy * constants.mu + c.xy * factor,
+            f.yx * constants.mu + c.yx * factor, f.yy * constants.mu + c.yy * factor};
+  }
+  [[nodiscard]] double energy_density(const Tensor<double>& f) const {
+    const double log_j = std::log(determinant(f));
+    return 0.5 * constants.mu * (contraction(f, f) - 2) - constants.mu * log_j +
+           0.5 * constants.lambda * log_j * log_j;
+  }
+  [[nodiscard]] double stress_across(const Tensor<double>& f) const {
+    const double j = determinant(f);
+    return constants.lambda_across * std::log(j) / j;
+  }
+};
+
+/// dP/dF at `f`, rows and columns in the order xx xy yx yy.
+template <class Law>
+std::array<double, 16> tangent(const Law& law, const Tensor<double>& f) {
+  const Tensor<Dual> dual{Dual::variable(f.xx, 0), Dual::variable(f.xy, 1), Dual::variable(f.yx, 2),
+                          Dual::variable(f.yy, 3)};
+  const Tensor<Dual> p = law.first_piola_kirchhoff(dual);
+  std::array<double, 16> a;
+  for (std::size_t c = 0; c < 4; ++c) {
+    a[c] = p.xx.derivative[c];
+    a[4 + c] = p.xy.derivative[c];
+    a[8 + c] = p.yx.derivative[c];
+    a[12 + c] = p.yy.derivative[c];
+  }
+  return a;
+}
+
+}  // namespace estuary::solid

@@ -1,0 +1,68 @@
+// The body as particles: what stays (Body) and what moves (State), as structures of arrays.
+#pragma once
+
+#include <array>
+#include <cstddef>
+#include <cstdint>
+#include <vector>
+
+namespace estuary::solid {
+
+/// Sides of the box in the order of a clockwise walk: up the left side, along the top, down the right, back
+/// below.
+enum class Side : std::size_t { left = 0, top = 1, right = 2, bottom = 3 };
+inline constexpr std::array<const char*, 4> kSideNames{"left", "top", "right", "bottom"};
+
+/// How a clamped side is held.
+enum class Clamp {
+  line,       // a row of fixed particles, of half the volume, exactly on the side
+  extra_rows  // full cells up to the side, and one more fixed row whose centres lie half a spacing outside
+};
+
+/// An axis-aligned box to be filled with particles. Lengths in m.
+struct Box {
+  std::array<double, 2> from{};
+  std::array<double, 2> to{};
+  double spacing = 0;  // wished for; each direction takes the nearest one that fills the box
+  std::array<bool, 4> clamped{};
+  Clamp clamp = Clamp::line;
+  bool periodic = false;  // in x
+
+  [[nodiscard]] double length(std::size_t axis) const { return to[axis] - from[axis]; }
+};
+
+/// The reference configuration; nothing here changes in a run. Vectors of particles are x0 y0 x1 y1 ...
+struct Body {
+  Box box;
+  std::array<std::size_t, 2> columns{};  // particles in x and y
+  std::array<double, 2> spacing{};       // [m]
+  double smoothing_length = 0;           // [m]
+  std::vector<double> position;          // reference positions [m], 2 per particle
+  std::vector<double> volume;            // [m2], per metre of depth
+  // What a particle stands for in the elastic energy [m2]: its volume, or with `end_corrected` that times the
+  // weights of a midpoint rule corrected at its ends, so that the energy of bending is integrated exactly
+  // across a beam.
+  std::vector<double> energy_volume;
+  std::vector<double> mass;         // [kg/m]
+  std::vector<std::uint8_t> fixed;  // 1 for particles of a clamp
+
+  [[nodiscard]] std::size_t size() const { return volume.size(); }
+  [[nodiscard]] double mean_spacing() const;
+};
+
+/// What a run carries from window to window.
+struct State {
+  std::vector<double> displacement;  // [m], 2 per particle
+  std::vector<double> velocity;      // [m/s]
+  double time = 0;                   // [s]
+  double external_work = 0;          // of surface loads and gravity since the start [J/m]
+};
+
+/// Particles at cell centres, the faster index along the thinner direction.
+Body fill(const Box& box, double density, double smoothing_ratio, bool end_corrected);
+State at_rest(const Body& body);
+
+/// Number of particles `fill` would make in x and y.
+std::array<std::size_t, 2> count_columns(const Box& box);
+
+}  // namespace estuary::solid

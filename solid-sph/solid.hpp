@@ -1,0 +1,67 @@
+// The SPH solid as a participant: one body in two dimensions, transient or steady.
+#pragma once
+
+#include <filesystem>
+#include <memory>
+#include <string>
+#include <vector>
+
+#include "expression.hpp"
+#include "field_file.hpp"
+#include "newton.hpp"
+#include "participant.hpp"
+#include "solid_scene.hpp"
+#include "surface_transfer.hpp"
+
+namespace estuary::solid {
+
+class Solid final : public Participant {
+public:
+  [[nodiscard]] Identity identity() const override;
+  Plan configure(Scene& scene, const std::string& role) override;
+  v1::Exchange start(const v1::Exchange& initial, const std::filesystem::path& folder) override;
+  AdvanceResult advance(const Window& window, const v1::Exchange& inputs, ProgressBoard& progress) override;
+  void accept() override;
+  void save(const std::filesystem::path& file) override;
+  void load(const std::filesystem::path& file) override;
+  std::vector<std::string> frame(std::uint64_t number, double time) override;
+
+private:
+  struct PointWatch {
+    std::string name;
+    std::optional<Transfer> transfer;  // none for totals
+  };
+
+  void build();
+  void build_loads();
+  void take_forces(const v1::Exchange& inputs);
+  void integrate(const Window& window, const Monitor& monitor);
+  double find_equilibrium(const Window& window, const Monitor& monitor);
+  [[noreturn]] void fail(const Breakdown& breakdown, const Window& window);
+  [[nodiscard]] std::uint64_t steps_for(double duration);
+  void fill_displacements(v1::Displacements& field) const;
+  [[nodiscard]] std::vector<WatchValues> watch_values(double time);
+  [[nodiscard]] std::array<double, 2> reaction(double time);
+  void add_surface_resultants(AdvanceResult& result) const;
+  void write_particles(const std::filesystem::path& file) const;
+  void write_surface(const std::filesystem::path& file) const;
+
+  SolidScene scene_;
+  std::filesystem::path folder_;
+  Body body_;
+  std::unique_ptr<Solver> solver_;
+  std::unique_ptr<NewtonSolver> newton_;
+  std::vector<std::unique_ptr<Expression>> ramps_;
+  Loading loading_;   // entry 0 is the wet surface when there is one
+  ContourLine line_;  // empty without wet sides
+  Transfer transfer_;
+  v1::WetSurface surface_;
+  std::vector<PointWatch> watches_;
+  State state_, accepted_;
+  std::vector<double> forces_, accepted_forces_;  // on the wet nodes
+  Work work_;
+  double step_seconds_ = 0, transfer_seconds_ = 0;
+  std::unique_ptr<FieldSeries> particle_series_, surface_series_;
+};
+
+}  // namespace estuary::solid

@@ -1,0 +1,120 @@
+// The solver of one compiled variant (law, stabilisation, viscosity) behind an interface that is called once
+// per window or once per Newton iteration, never inside a step.
+#pragma once
+
+#include <array>
+#include <cstdint>
+#include <functional>
+#include <memory>
+#include <span>
+#include <stdexcept>
+#include <string>
+#include <vector>
+
+#include "internal_force.hpp"
+
+namespace estuary::solid {
+
+/// Forces on some particles, changing linearly over a window and scaled by a factor of time.
+struct ParticleLoad {
+  std::vector<std::uint32_t> particle;
+  std::vector<double> start, end;        // [N/m], 2 per listed particle
+  std::function<double(double)> factor;  // of the time [s]; empty means 1
+};
+
+struct Loading {
+  std::vector<ParticleLoad> loads;
+  std::array<double, 2> gravity{};  // [m/s2]
+};
+
+/// The state left the range of the method; `particle` is the first one seen.
+struct Breakdown : std::runtime_error {
+  Breakdown(std::size_t which, std::uint64_t at_step, double volume_ratio)
+      : std::runtime_error("inverted or not finite"), particle(which), step(at_step), j(volume_ratio) {}
+  std::size_t particle;
+  std::uint64_t step;
+  double j;
+};
+
+/// Called now and then with the share of the request done and a note; it may throw to end the computation.
+using Monitor = std::function<void(double fraction, const std::string& note)>;
+
+struct EquilibriumSettings {
+  double tolerance = 1e-6;
+  std::uint64_t maximum_steps = 0;
+};
+
+struct EquilibriumReport {
+  bool converged = false;
+  std::uint64_t steps = 0;
+  double residual = 0;          // |F_ext + F_int| over free particles, relative to |F_ext|
+  double remaining_change = 0;  // estimated displacement still to come, relative to the displacement
+  bool stable = true;           // false when Newton's method found an unstable equilibrium
+};
+
+struct SolverOptions {
+  ElasticConstants constants;
+  double stabilisation_modulus = 0;  // [Pa]
+  ArtificialViscosity viscosity;
+  Order order = Order::linear;
+};
+
+class Solver {
+public:
+  Solver(const Body& body, Neighbourhood pairs)
+      : body_(body), pairs_(std::move(pairs)), fields_(body.size()) {}
+  Solver(const Solver&) = delete;
+  Solver& operator=(const Solver&) = delete;
+  virtual ~Solver() = default;
+
+  [[nodiscard]] const Body& body() const { return body_; }
+  [[nodiscard]] const Neighbourhood& pairs() const { return pairs_; }
+  /// Of the last evaluation.
+  [[nodiscard]] const Fields& fields() const { return fields_; }
+
+  /// Stresses and elastic forces of a displacement (no viscosity). Returns the number of particles with J <=
+  /// 0 or values that are not finite.
+  virtual std::int64_t evaluate(std::span<const double> displacement) = 0;
+  /// Of the state last evaluated.
+  [[nodiscard]] virtual double energy(std::span<const double> displacement) const = 0;
+  [[nodiscard]] virtual std::array<double, 16> tangent_at(std::size_t particle) const = 0;
+  [[nodiscard]] virtual Tensor<double> first_piola_kirchhoff_at(std::size_t particle) const = 0;
+  [[nodiscard]] virtual double stress_across(std::size_t particle) const = 0;
+  [[nodiscard]] virtual bool symmetric_tangent() const = 0;
+
+  /// Advances by `steps` equal steps of velocity Verlet (Swope et al. 1982; with mass damping, second order
+  /// in time).
+  virtual void advance(State& state, const Loading& loading, double duration, std::uint64_t steps,
+                       double damping, const Monitor& monitor) = 0;
+  /// Dynamic relaxation to equilibrium under the loading's end values at `time`, from the displacement given.
+  virtual EquilibriumReport relax(std::vector<double>& displacement, const Loading& loading, double time,
+                                  const EquilibriumSettings& settings, const Monitor& monitor) = 0;
+
+  /// Longest stable step of the reference state, 2 / omega_max [s], by power iteration on the linearised
+  /// operator.
+  [[nodiscard]] double reference_stable_step();
+  /// How much stiffer the material is now than at rest: largest singular value of dP/dF over all
+  /// particles of the last evaluation, relative to that of the undeformed body.
+  [[nodiscard]] double stiffening() const;
+  [[nodiscard]] double kinetic_energy(const State& state) const;
+  /// Force of the loading's end values at `time` on every particle, gravity included [N/m].
+  void external_force(const Loading& loading, double time, std::vector<double>& force) const;
+  /// Throws Breakdown for the first particle out of range in the last evaluation.
+  [[noreturn]] void report_breakdown(std::uint64_t step) const;
+
+protected:
+  const Body& body_;
+  Neighbourhood pairs_;
+  Fields fields_;
+  double stable_step_ = 0;
+  double rest_stiffness_ = 0;
+};
+
+/// `Law` is one of laws.hpp. Throws std::domain_error when the particles do not allow a gradient.
+template <class Law>
+std::unique_ptr<Solver> make_solver(const Body& body, const SolverOptions& options);
+
+enum class LawName { saint_venant_kirchhoff, hooke_almansi, neo_hooke };
+std::unique_ptr<Solver> make_solver(LawName law, const Body& body, const SolverOptions& options);
+
+}  // namespace estuary::solid

@@ -1,0 +1,199 @@
+#include "surface_transfer.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <stdexcept>
+#include <string>
+
+#include "kernel_function.hpp"
+
+namespace estuary::solid {
+namespace {
+
+// Neighbourhood of a contour node in spacings: reaches the third row below a side, as quadratic weights need.
+constexpr double kReach = 2.7;
+constexpr std::array kWidening{1.0, 1.3, 1.7, 2.3};
+
+struct Corner {
+  double x, y;
+};
+
+std::array<Corner, 2> ends(const Box& box, Side side) {
+  const double x0 = box.from[0], x1 = box.to[0], y0 = box.from[1], y1 = box.to[1];
+  switch (side) {
+    case Side::left:
+      return {{{x0, y0}, {x0, y1}}};
+    case Side::top:
+      return {{{x0, y1}, {x1, y1}}};
+    case Side::right:
+      return {{{x1, y1}, {x1, y0}}};
+    case Side::bottom:
+      break;
+  }
+  return {{{x1, y0}, {x0, y0}}};
+}
+
+std::uint8_t clamped_side_at(const Box& box, double x, double y) {
+  const double slip = 1e-9 * box.spacing;
+  const std::array<bool, 4> on{std::abs(x - box.from[0]) < slip, std::abs(y - box.to[1]) < slip,
+                               std::abs(x - box.to[0]) < slip, std::abs(y - box.from[1]) < slip};
+  for (std::size_t side = 0; side < 4; ++side)
+    if (on[side] && box.clamped[side]) return static_cast<std::uint8_t>(side + 1);
+  return 0;
+}
+
+struct Entry {
+  std::uint32_t particle;
+  double weight;
+};
+
+std::vector<Entry> point_row(const Body& body, const ReferenceSearch& search, double x, double y,
+                             std::uint8_t held) {
+  const double d = body.mean_spacing();
+  const bool vertical = held == 1 || held == 3;  // the clamped side the node lies on
+  const double nearest_row = held == 0                       ? 0
+                             : body.box.clamp == Clamp::line ? 0
+                             : vertical                      ? 0.5 * body.spacing[0]
+                                                             : 0.5 * body.spacing[1];
+  for (const double widening : kWidening) {
+    const double h = 0.5 * kReach * widening * d;
+    std::vector<Offset> offsets;
+    std::vector<double> weights;
+    std::vector<Entry> row;
+    for (const auto& found : search.within(x, y, 2 * h)) {
+      if (held != 0) {
+        // A node on a clamp moves with the clamp: only the fixed row along that side counts.
+        const double across = std::abs(vertical ? found.x : found.y);
+        if (!body.fixed[found.particle] || std::abs(across - nearest_row) > 1e-6 * d) continue;
+      }
+      const double weight = body.volume[found.particle] * cubic_spline(std::hypot(found.x, found.y), h);
+      if (!(weight > 0)) continue;
+      offsets.push_back({found.x / d, found.y / d});
+      weights.push_back(weight);
+      row.push_back({found.particle, 0});
+    }
+    try {
+      const std::vector<double> solved = value_weights(offsets, weights, Order::quadratic, held != 0);
+      for (std::size_t k = 0; k < row.size(); ++k) row[k].weight = solved[k];
+      return row;
+    } catch (const std::domain_error&) {
+      if (widening == kWidening.back())
+        throw std::domain_error("point (" + std::to_string(x) + ", " + std::to_string(y) +
+                                "): too few particles near it");
+    }
+  }
+  return {};
+}
+
+Transfer assemble(const Body& body, std::span<const double> points, std::span<const std::uint8_t> held) {
+  const ReferenceSearch search(body, kReach * body.mean_spacing());
+  std::vector<std::vector<Entry>> rows;
+  Transfer transfer;
+  transfer.first.push_back(0);
+  for (std::size_t k = 0; k < points.size() / 2; ++k) {
+    rows.push_back(
+        point_row(body, search, points[2 * k], points[2 * k + 1], held.empty() ? std::uint8_t{0} : held[k]));
+    for (const Entry& entry : rows.back()) transfer.touched.push_back(entry.particle);
+  }
+  auto& touched = transfer.touched;
+  std::sort(touched.begin(), touched.end());
+  touched.erase(std::unique(touched.begin(), touched.end()), touched.end());
+  for (const auto& row : rows) {
+    for (const Entry& entry : row) {
+      const auto place = std::lower_bound(touched.begin(), touched.end(), entry.particle) - touched.begin();
+      transfer.position.push_back(static_cast<std::uint32_t>(place));
+      transfer.weight.push_back(entry.weight);
+    }
+    transfer.first.push_back(static_cast<std::uint32_t>(transfer.weight.size()));
+  }
+  return transfer;
+}
+
+}  // namespace
+
+ContourLine contour_line(const Body& body, std::span<const Side> sides) {
+  const Box& box = body.box;
+  std::array<bool, 4> wanted{};
+  for (const Side side : sides) wanted[static_cast<std::size_t>(side)] = true;
+  const auto count = std::count(wanted.begin(), wanted.end(), true);
+  if (count == 0) throw std::invalid_argument("no side is named");
+  // The walk starts on the side whose predecessor is not wanted.
+  std::size_t start = 4;
+  int starts = 0;
+  for (std::size_t s = 0; s < 4; ++s)
+    if (wanted[s] && !wanted[(s + 3) % 4]) {
+      start = s;
+      ++starts;
+    }
+  if (starts > 1) throw std::invalid_argument("the sides do not follow one another round the box");
+  ContourLine line;
+  line.closed = count == 4;
+  if (line.closed) start = 0;
+  const auto add = [&](double x, double y) {
+    line.position.insert(line.position.end(), {x, y});
+    line.held.push_back(clamped_side_at(box, x, y));
+  };
+  for (std::size_t step = 0; step < static_cast<std::size_t>(count); ++step) {
+    const auto side = static_cast<Side>((start + step) % 4);
+    const auto [a, b] = ends(box, side);
+    const std::size_t axis = side == Side::left || side == Side::right ? 1 : 0;
+    const double segments = std::max(1.0, std::round(box.length(axis) / body.spacing[axis]));
+    for (double k = 0; k < segments; ++k)
+      add(a.x + (b.x - a.x) * (k / segments), a.y + (b.y - a.y) * (k / segments));
+    if (step + 1 == static_cast<std::size_t>(count) && !line.closed) add(b.x, b.y);
+  }
+  return line;
+}
+
+Transfer contour_transfer(const Body& body, const ContourLine& line) {
+  return assemble(body, line.position, line.held);
+}
+
+Transfer point_transfer(const Body& body, std::span<const double> points) {
+  return assemble(body, points, {});
+}
+
+void interpolate(const Transfer& transfer, std::span<const double> particle_values,
+                 std::span<double> point_values) {
+  for (std::size_t k = 0; k < transfer.points(); ++k) {
+    double x = 0, y = 0;
+    for (std::size_t e = transfer.first[k]; e < transfer.first[k + 1]; ++e) {
+      const std::size_t j = transfer.touched[transfer.position[e]];
+      x += transfer.weight[e] * particle_values[2 * j];
+      y += transfer.weight[e] * particle_values[2 * j + 1];
+    }
+    point_values[2 * k] = x;
+    point_values[2 * k + 1] = y;
+  }
+}
+
+void spread(const Transfer& transfer, std::span<const double> point_forces,
+            std::vector<double>& touched_forces) {
+  touched_forces.assign(2 * transfer.touched.size(), 0.0);
+  for (std::size_t k = 0; k < transfer.points(); ++k)
+    for (std::size_t e = transfer.first[k]; e < transfer.first[k + 1]; ++e) {
+      const std::size_t j = transfer.position[e];
+      touched_forces[2 * j] += transfer.weight[e] * point_forces[2 * k];
+      touched_forces[2 * j + 1] += transfer.weight[e] * point_forces[2 * k + 1];
+    }
+}
+
+std::vector<double> uniform_traction(const ContourLine& line, double force_x, double force_y) {
+  std::vector<double> force(line.position.size(), 0.0);
+  double total = 0;
+  const std::size_t n = line.size();
+  const auto length = [&](std::size_t s) {
+    const std::size_t a = s, b = (s + 1) % n;
+    return std::hypot(line.position[2 * b] - line.position[2 * a],
+                      line.position[2 * b + 1] - line.position[2 * a + 1]);
+  };
+  for (std::size_t s = 0; s < line.segments(); ++s) total += length(s);
+  for (std::size_t s = 0; s < line.segments(); ++s)
+    for (const std::size_t node : {s, (s + 1) % n}) {
+      force[2 * node] += 0.5 * length(s) / total * force_x;
+      force[2 * node + 1] += 0.5 * length(s) / total * force_y;
+    }
+  return force;
+}
+
+}  // namespace estuary::solid

@@ -1,0 +1,176 @@
+// Equilibrium by Newton's method and by dynamic relaxation, against beam theory and against each other.
+#include <gtest/gtest.h>
+
+#include <map>
+
+#include "bodies.hpp"
+#include "newton.hpp"
+#include "surface_transfer.hpp"
+
+namespace estuary::solid {
+namespace {
+
+using test::Case;
+using test::no_monitor;
+
+struct Cantilever {
+  static constexpr double kLength = 0.1, kHeight = 0.01, kYoung = 210e9, kPoisson = 0.3;
+  std::unique_ptr<test::Assembled> made;
+  Loading loading;
+  Transfer tip;
+
+  Cantilever(int across, const Case& options, double force, double density = 7800, double length = kLength) {
+    Box box = test::box_of(length, kHeight, kHeight / across);
+    box.clamped[static_cast<std::size_t>(Side::left)] = true;
+    made = test::assemble(
+        box, {.density = density, .young = kYoung, .poisson = kPoisson, .plane = Plane::stress}, options);
+    const Side right = Side::right;
+    const ContourLine line = contour_line(made->body, {&right, 1});
+    const Transfer transfer = contour_transfer(made->body, line);
+    ParticleLoad load;
+    load.particle = transfer.touched;
+    spread(transfer, uniform_traction(line, 0, force), load.end);
+    load.start = load.end;
+    loading.loads.push_back(load);
+    const std::array<double, 2> point{length, 0.5 * kHeight};
+    tip = point_transfer(made->body, point);
+  }
+  [[nodiscard]] std::array<double, 2> tip_displacement(const std::vector<double>& u) const {
+    std::array<double, 2> value{};
+    interpolate(tip, u, value);
+    return value;
+  }
+  EquilibriumReport newton(std::vector<double>& u, double tolerance = 1e-8) const {
+    NewtonSolver solver(*made->solver);
+    return solver.solve(u, loading, 0, {.tolerance = tolerance, .maximum_steps = 500}, no_monitor);
+  }
+  EquilibriumReport relax(std::vector<double>& u, double tolerance = 1e-6) const {
+    return made->solver->relax(u, loading, 0, {.tolerance = tolerance, .maximum_steps = 400000}, no_monitor);
+  }
+  [[nodiscard]] std::vector<double> rest() const { return std::vector<double>(2 * made->body.size(), 0.0); }
+
+  static double inertia() { return std::pow(kHeight, 3) / 12; }
+  /// Tip deflection of Timoshenko's beam with shear factor 5/6.
+  static double timoshenko(double force) {
+    const double shear = kYoung / (2 * (1 + kPoisson));
+    return force * std::pow(kLength, 3) / (3 * kYoung * inertia()) +
+           6 * force * kLength / (5 * shear * kHeight);
+  }
+};
+
+const Case kQuadratic{.order = Order::quadratic, .stabilisation = 0.05};
+
+double bending_ratio(int across, const Case& options) {
+  const double force = 1000;  // small displacement: 2e-4 of the length
+  const Cantilever beam(across, options, force);
+  auto u = beam.rest();
+  EXPECT_TRUE(beam.newton(u).converged);
+  return beam.tip_displacement(u)[1] / Cantilever::timoshenko(force);
+}
+
+TEST(Timoshenko, QuadraticCorrectionIsWithinHalfAPercentFromFiveParticlesOn) {
+  for (const int across : {5, 10, 20}) EXPECT_NEAR(bending_ratio(across, kQuadratic), 1, 0.005) << across;
+}
+
+TEST(Timoshenko, LinearCorrectionIsSoftAndConvergesAtSecondOrder) {
+  const double five = bending_ratio(5, {}) - 1, ten = bending_ratio(10, {}) - 1,
+               twenty = bending_ratio(20, {}) - 1;
+  EXPECT_GT(five, 0.1);
+  EXPECT_LT(ten, five / 3.2);
+  EXPECT_LT(twenty, ten / 3.2);
+}
+
+TEST(Relaxation, AgreesWithNewtonAtLargeDisplacement) {
+  const double force = 5 * Cantilever::kYoung * Cantilever::inertia() / std::pow(Cantilever::kLength, 2);
+  const Cantilever beam(5, kQuadratic, force);
+  auto by_newton = beam.rest(), by_relaxation = beam.rest();
+  ASSERT_TRUE(beam.newton(by_newton).converged);
+  const auto report = beam.relax(by_relaxation);
+  ASSERT_TRUE(report.converged) << report.residual << " " << report.remaining_change << " " << report.steps;
+  const auto a = beam.tip_displacement(by_newton), b = beam.tip_displacement(by_relaxation);
+  EXPECT_GT(a[1], 0.06);  // of a length of 0.1
+  EXPECT_NEAR(a[0], b[0], 3e-6 * 0.1);
+  EXPECT_NEAR(a[1], b[1], 3e-6 * 0.1);
+}
+
+TEST(Relaxation, DoesNotDependOnDensity) {
+  const Cantilever light(4, kQuadratic, 1000, 1.0, 0.04), heavy(4, kQuadratic, 1000, 7800, 0.04);
+  auto u = light.rest(), v = heavy.rest();
+  const auto first = light.relax(u), second = heavy.relax(v);
+  EXPECT_TRUE(first.converged && second.converged);
+  EXPECT_NEAR(static_cast<double>(first.steps), static_cast<double>(second.steps), 60);
+  EXPECT_NEAR(light.tip_displacement(u)[1] / heavy.tip_displacement(v)[1], 1, 1e-5);
+}
+
+TEST(Relaxation, StopsUnconvergedAtTheLimitAndSaysSo) {
+  const Cantilever beam(5, kQuadratic, 1000);
+  auto u = beam.rest();
+  const auto report =
+      beam.made->solver->relax(u, beam.loading, 0, {.tolerance = 1e-6, .maximum_steps = 200}, no_monitor);
+  EXPECT_FALSE(report.converged);
+  EXPECT_EQ(report.steps, 200u);
+  EXPECT_GT(report.residual, 1e-6);
+}
+
+TEST(Relaxation, NoLoadLeavesTheBodyAtRest) {
+  Cantilever beam(4, kQuadratic, 0, 7800, 0.04);
+  auto u = beam.rest();
+  EXPECT_TRUE(beam.relax(u).converged);
+  for (const double x : u) ASSERT_EQ(x, 0);
+}
+
+class LargeDisplacement : public testing::TestWithParam<double> {};
+INSTANTIATE_TEST_SUITE_P(Loads, LargeDisplacement, testing::Values(1.0, 2.0, 5.0, 10.0));
+
+// The body is a tenth as thick as long, so it differs from the inextensible elastica by its shear and its
+// stretch.
+TEST_P(LargeDisplacement, NewtonConvergesFromRestInFewLinearSolves) {
+  const double alpha = GetParam();
+  const double force = alpha * Cantilever::kYoung * Cantilever::inertia() / std::pow(Cantilever::kLength, 2);
+  const Cantilever beam(10, kQuadratic, force);
+  auto u = beam.rest();
+  const auto report = beam.newton(u);
+  ASSERT_TRUE(report.converged);
+  EXPECT_TRUE(report.stable);
+  EXPECT_LT(report.residual, 1e-8);
+  EXPECT_LT(report.steps, 60u);
+  const std::map<double, double> elastica{{1.0, 0.30172}, {2.0, 0.49346}, {5.0, 0.71379}, {10.0, 0.81061}};
+  EXPECT_NEAR(beam.tip_displacement(u)[1] / Cantilever::kLength / elastica.at(alpha), 1, 0.025);
+}
+
+// A beam five times as slender has no more than a fifth of that difference.
+TEST(LargeDisplacement, SlenderBeamFollowsTheElastica) {
+  const double length = 0.5;
+  const double force = 10 * Cantilever::kYoung * Cantilever::inertia() / (length * length);
+  const Cantilever beam(4, kQuadratic, force, 7800, length);
+  auto u = beam.rest();
+  ASSERT_TRUE(beam.newton(u).converged);
+  const auto tip = beam.tip_displacement(u);
+  EXPECT_NEAR(tip[1] / length, 0.81061, 0.002);
+  EXPECT_NEAR(-tip[0] / length, 0.55500, 0.003);
+}
+
+TEST(Newton, WorksForTheLawWithoutAnEnergy) {
+  const double force = 2 * Cantilever::kYoung * Cantilever::inertia() / std::pow(Cantilever::kLength, 2);
+  Case options = kQuadratic;
+  options.law = LawName::hooke_almansi;
+  const Cantilever almansi(5, options, force), other(5, kQuadratic, force);
+  auto u = almansi.rest(), v = other.rest();
+  ASSERT_TRUE(almansi.newton(u).converged);
+  ASSERT_TRUE(other.newton(v).converged);
+  EXPECT_NEAR(almansi.tip_displacement(u)[1] / other.tip_displacement(v)[1], 1, 0.01);
+}
+
+TEST(Newton, WarmStartNeedsFewSolves) {
+  const double force = 8 * Cantilever::kYoung * Cantilever::inertia() / std::pow(Cantilever::kLength, 2);
+  Cantilever beam(10, kQuadratic, force);
+  auto u = beam.rest();
+  ASSERT_TRUE(beam.newton(u, 1e-6).converged);
+  for (double& f : beam.loading.loads[0].end) f *= 1.05;
+  const auto report = beam.newton(u, 1e-6);
+  EXPECT_TRUE(report.converged);
+  EXPECT_LE(report.steps, 8u);
+}
+
+}  // namespace
+}  // namespace estuary::solid

@@ -1,0 +1,174 @@
+// The discrete operator: consistency, conservation, and forces as minus the derivative of the energy.
+#include <gtest/gtest.h>
+#include <omp.h>
+
+#include "bodies.hpp"
+
+namespace estuary::solid {
+namespace {
+
+using test::Case;
+
+class Operator : public testing::TestWithParam<Case> {};
+
+INSTANTIATE_TEST_SUITE_P(
+    Variants, Operator,
+    testing::Values(Case{}, Case{.stabilisation = 0.1}, Case{.order = Order::quadratic},
+                    Case{.order = Order::quadratic, .stabilisation = 0.05},
+                    Case{.order = Order::quadratic, .stabilisation = 0.05, .smoothing_ratio = 1.3},
+                    Case{.law = LawName::neo_hooke}, Case{.law = LawName::hooke_almansi}));
+
+TEST_P(Operator, AffineMotionGivesOneStress) {
+  const auto made = test::assemble(test::box_of(1.0, 0.43, 0.05), {}, GetParam());
+  const Tensor<double> a{1.15, 0.2, -0.1, 0.93};
+  ASSERT_EQ(made->solver->evaluate(test::affine(made->body, a, 3, -2)), 0);
+  const Tensor<double> reference = made->solver->first_piola_kirchhoff_at(0);
+  const Fields& fields = made->solver->fields();
+  const double size = 1e6;
+  for (std::size_t i = 0; i < made->body.size(); ++i) {
+    const Tensor<double> f = tensor_at(fields.deformation_gradient, i);
+    ASSERT_NEAR(f.xx, a.xx, 2e-13);
+    ASSERT_NEAR(f.xy, a.xy, 2e-13);
+    ASSERT_NEAR(f.yx, a.yx, 2e-13);
+    ASSERT_NEAR(f.yy, a.yy, 2e-13);
+    // The stabilisation, too, must see nothing.
+    const double v = made->body.energy_volume[i];
+    ASSERT_NEAR(fields.stress[4 * i] / v, reference.xx, 1e-11 * size);
+    ASSERT_NEAR(fields.stress[4 * i + 1] / v, reference.xy, 1e-11 * size);
+  }
+}
+
+TEST_P(Operator, QuarterTurnGivesNoForce) {
+  const auto made = test::assemble(test::box_of(1.0, 0.4, 0.05), {}, GetParam());
+  ASSERT_EQ(made->solver->evaluate(test::affine(made->body, {0, -1, 1, 0}, 0.3, 0.2)), 0);
+  for (const double f : made->solver->fields().force) ASSERT_NEAR(f / 1e6, 0, 1e-14);
+  for (const double s : made->solver->fields().stress) ASSERT_NEAR(s / 1e6, 0, 1e-14);
+}
+
+TEST_P(Operator, ForceIsMinusTheEnergysDerivative) {
+  if (GetParam().law == LawName::hooke_almansi) GTEST_SKIP() << "this law has no energy";
+  const auto made = test::assemble(test::box_of(0.5, 0.3, 0.05), {}, GetParam());
+  auto u = test::affine(made->body, {1.1, 0.1, -0.3, 0.95}, 0, 0);
+  const auto noise = test::random_field(u.size(), 0.004, 7);
+  for (std::size_t c = 0; c < u.size(); ++c) u[c] += noise[c];
+  ASSERT_EQ(made->solver->evaluate(u), 0);
+  const std::vector<double> force = made->solver->fields().force;
+  double scale = 0;
+  for (const double f : force) scale = std::max(scale, std::abs(f));
+  const double e = 1e-6;
+  for (std::size_t c = 0; c < u.size(); c += 5) {
+    auto shifted = u;
+    shifted[c] += e;
+    made->solver->evaluate(shifted);
+    const double above = made->solver->energy(shifted);
+    shifted[c] -= 2 * e;
+    made->solver->evaluate(shifted);
+    const double below = made->solver->energy(shifted);
+    ASSERT_NEAR(force[c], -(above - below) / (2 * e), 1e-6 * scale) << "component " << c;
+  }
+}
+
+TEST_P(Operator, ForcesHaveNoResultantAndNoMoment) {
+  const auto made = test::assemble(test::box_of(1.0, 0.4, 0.05), {}, GetParam());
+  auto u = test::affine(made->body, {0.2, -0.9, 1.0, 0.3}, 0, 0);
+  const auto noise = test::random_field(u.size(), 0.005, 3);
+  for (std::size_t c = 0; c < u.size(); ++c) u[c] += noise[c];
+  ASSERT_EQ(made->solver->evaluate(u), 0);
+  const auto& force = made->solver->fields().force;
+  double fx = 0, fy = 0, moment = 0, size = 0, moment_size = 0;
+  for (std::size_t i = 0; i < made->body.size(); ++i) {
+    const double x = made->body.position[2 * i] + u[2 * i], y = made->body.position[2 * i + 1] + u[2 * i + 1];
+    fx += force[2 * i];
+    fy += force[2 * i + 1];
+    moment += x * force[2 * i + 1] - y * force[2 * i];
+    size += std::abs(force[2 * i]) + std::abs(force[2 * i + 1]);
+    moment_size += std::abs(x * force[2 * i + 1]) + std::abs(y * force[2 * i]);
+  }
+  EXPECT_NEAR(fx / size, 0, 1e-14);
+  EXPECT_NEAR(fy / size, 0, 1e-14);
+  EXPECT_NEAR(moment / moment_size, 0, 1e-14);
+}
+
+TEST(Neighbourhood, QuadraticCorrectionIsExactForQuadraticFieldsUpToTheCorners) {
+  const auto made = test::assemble(test::box_of(1.0, 0.4, 0.05), {}, {.order = Order::quadratic});
+  std::vector<double> u(2 * made->body.size());
+  const auto& x = made->body.position;
+  for (std::size_t i = 0; i < made->body.size(); ++i) {
+    u[2 * i] = 0.1 * x[2 * i] * x[2 * i + 1] - 0.2 * x[2 * i + 1] * x[2 * i + 1];
+    u[2 * i + 1] = 0.3 * x[2 * i] * x[2 * i];
+  }
+  made->solver->evaluate(u);
+  EXPECT_EQ(made->solver->pairs().incomplete, 0u);
+  for (std::size_t i = 0; i < made->body.size(); ++i) {
+    const Tensor<double> f = tensor_at(made->solver->fields().deformation_gradient, i);
+    ASSERT_NEAR(f.xx - 1, 0.1 * x[2 * i + 1], 1e-12);
+    ASSERT_NEAR(f.xy, 0.1 * x[2 * i] - 0.4 * x[2 * i + 1], 1e-12);
+    ASSERT_NEAR(f.yx, 0.6 * x[2 * i], 1e-12);
+    ASSERT_NEAR(f.yy - 1, 0, 1e-12);
+  }
+}
+
+TEST(Neighbourhood, AnInnerParticleHasEightNeighboursAtTheDefaultRatio) {
+  const auto made = test::assemble(test::box_of(1.0, 1.0, 0.1), {}, {});
+  const auto& pairs = made->solver->pairs();
+  EXPECT_EQ(pairs.first[46] - pairs.first[45], 8u);
+  EXPECT_EQ(pairs.first[1] - pairs.first[0], 3u);  // a corner
+}
+
+TEST(Neighbourhood, PeriodicBodyIsTheSameEverywhereAlongX) {
+  Box box = test::box_of(1.0, 0.3, 0.05);
+  box.periodic = true;
+  const auto made = test::assemble(box, {}, {.order = Order::quadratic, .stabilisation = 0.05});
+  std::vector<double> u(2 * made->body.size());
+  for (std::size_t i = 0; i < made->body.size(); ++i)
+    u[2 * i] = 0.4 * std::sin(7 * made->body.position[2 * i + 1]);
+  ASSERT_EQ(made->solver->evaluate(u), 0);
+  const std::size_t rows = made->body.columns[1];
+  for (std::size_t i = 0; i < made->body.size(); ++i)
+    ASSERT_NEAR(made->solver->fields().force[2 * i] / 1e6, made->solver->fields().force[2 * (i % rows)] / 1e6,
+                1e-13);
+}
+
+TEST(Body, EnergyVolumesIntegrateBendingExactly) {
+  for (const int across : {3, 4, 5, 10}) {
+    const Body body = fill(test::box_of(1.0, 0.1, 0.1 / across), 1, 0.95, true);
+    double sum = 0;
+    for (std::size_t i = 0; i < body.size(); ++i)
+      sum += body.energy_volume[i] * std::pow(body.position[2 * i + 1] - 0.05, 2);
+    EXPECT_NEAR(sum, std::pow(0.1, 3) / 12, 1e-15) << across;
+  }
+}
+
+TEST(Body, ClampedRowsLieWhereTheClampSays) {
+  Box box = test::box_of(0.1, 1.0, 0.02);
+  box.clamped[static_cast<std::size_t>(Side::bottom)] = true;
+  const Body line = fill(box, 2.0, 0.95, false);
+  EXPECT_EQ(line.position[1], 0.0);
+  EXPECT_TRUE(line.fixed[0]);
+  double volume = 0;
+  for (const double v : line.volume) volume += v;
+  EXPECT_NEAR(volume, 0.1, 1e-14);
+  EXPECT_NEAR(line.position.back(), 1.0 - 0.5 * line.spacing[1], 1e-14);
+  box.clamp = Clamp::extra_rows;
+  const Body rows = fill(box, 2.0, 0.95, false);
+  EXPECT_NEAR(rows.position[1], -0.5 * rows.spacing[1], 1e-15);
+  EXPECT_TRUE(rows.fixed[0]);
+}
+
+TEST(Operator, NumberOfThreadsDoesNotChangeABit) {
+  const auto made =
+      test::assemble(test::box_of(1.0, 0.4, 0.01), {}, {.order = Order::quadratic, .stabilisation = 0.05});
+  const auto u = test::random_field(2 * made->body.size(), 0.0005, 11);
+  omp_set_num_threads(1);
+  made->solver->evaluate(u);
+  const auto force = made->solver->fields().force;
+  const double energy = made->solver->energy(u);
+  omp_set_num_threads(3);
+  made->solver->evaluate(u);
+  EXPECT_EQ(made->solver->fields().force, force);
+  EXPECT_EQ(made->solver->energy(u), energy);
+  omp_set_num_threads(1);
+}
+
+}  // namespace
+}  // namespace estuary::solid

@@ -1,0 +1,321 @@
+// The solid as a participant: scenes refused, windows repeated, checkpoints, bad input.
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+#include <omp.h>
+
+#include <unistd.h>
+
+#include <cmath>
+#include <filesystem>
+#include <fstream>
+
+#include "solid.hpp"
+
+namespace estuary::solid {
+namespace {
+
+using testing::AnyOf;
+using testing::HasSubstr;
+
+const char* const kFin = R"(
+title = "fin"
+dimension = 2
+[coupling]
+mode = "MODE"
+WINDOW
+[solid]
+solver = "solid-sph"
+particles_across = 4
+density = 920
+young_modulus = 8e3
+poisson_ratio = 0.3
+clamped = ["bottom"]
+wet = ["left", "top", "right"]
+[solid.box]
+from = [1.0, 0.0]
+to = [1.025, 0.1]
+[[watch]]
+name = "tip"
+participant = "solid"
+point = [1.0125, 0.1]
+[[watch]]
+name = "totals"
+participant = "solid"
+[[watch]]
+name = "elsewhere"
+participant = "fluid"
+line = [[0, 0], [1, 1]]
+)";
+
+std::string replaced(std::string text, const std::string& what, const std::string& with) {
+  const auto at = text.find(what);
+  EXPECT_NE(at, std::string::npos) << what;
+  return text.replace(at, what.size(), with);
+}
+std::string steady_fin() {
+  return replaced(replaced(kFin, "MODE", "steady"), "WINDOW", "");
+}
+std::string transient_fin() {
+  return replaced(replaced(kFin, "MODE", "transient"), "WINDOW", "window = 0.02\nend_time = 0.2");
+}
+
+struct Running {
+  Solid solid;
+  Plan plan;
+  v1::Exchange brought;
+  ProgressBoard board;
+  std::filesystem::path folder;
+
+  explicit Running(const std::string& text) {
+    Scene scene = Scene::parse(text, "scene.toml");
+    plan = solid.configure(scene, "solid");
+    for (const auto& problem : scene.problems()) ADD_FAILURE() << describe("scene.toml", problem);
+    const auto* test = testing::UnitTest::GetInstance()->current_test_info();
+    static int number = 0;
+    folder = std::filesystem::temp_directory_path() /
+             (std::string("solid-sph-") + test->name() + "-" + std::to_string(::getpid()) + "-" +
+              std::to_string(++number));
+    brought = solid.start({}, folder);
+  }
+  ~Running() { std::filesystem::remove_all(folder); }
+
+  v1::Exchange side_forces(double fx) const {
+    v1::Exchange exchange;
+    auto* forces = exchange.mutable_forces();
+    forces->set_surface(brought.wet_surface().identity());
+    const int nodes = brought.displacements().displacement_size() / 2;
+    for (int k = 0; k < nodes; ++k) {
+      forces->add_force(fx / nodes);
+      forces->add_force(0);
+    }
+    return exchange;
+  }
+  AdvanceResult step(std::uint64_t window, std::uint64_t iteration, double fx) {
+    const Window w{.number = window,
+                   .iteration = iteration,
+                   .mode = Mode::transient,
+                   .time = 0.02 * static_cast<double>(window - 1),
+                   .duration = 0.02};
+    return solid.advance(w, side_forces(fx), board);
+  }
+  AdvanceResult equilibrium(double fx) {
+    return solid.advance({.number = 1, .iteration = 1, .mode = Mode::steady, .time = 0, .duration = 0},
+                         side_forces(fx), board);
+  }
+};
+
+double value_of(const AdvanceResult& result, const std::string& watch, const std::string& quantity) {
+  for (const auto& entry : result.watches)
+    if (entry.name == watch)
+      for (const auto& [name, value] : entry.quantities)
+        if (name == quantity) return value;
+  ADD_FAILURE() << watch << "." << quantity << " is not there";
+  return 0;
+}
+
+TEST(Configure, PlansAGoodScene) {
+  const Running run(steady_fin());
+  EXPECT_EQ(run.plan.variant, "2d-svk-plane-strain-quadratic-stabilised");
+  EXPECT_TRUE(run.plan.warnings.empty()) << run.plan.warnings.front();
+  EXPECT_FALSE(run.plan.left_out.empty());
+  EXPECT_GT(run.plan.memory_bytes, 0);
+  EXPECT_EQ(run.brought.wet_surface().closed(), false);
+  EXPECT_EQ(run.brought.displacements().surface(), run.brought.wet_surface().identity());
+}
+
+struct Refusal {
+  const char *what, *with, *message;
+};
+class Refuses : public testing::TestWithParam<Refusal> {};
+INSTANTIATE_TEST_SUITE_P(
+    Scenes, Refuses,
+    testing::Values(
+        Refusal{"dimension = 2", "dimension = 3", "two dimensions"},
+        Refusal{"particles_across = 4", "particles_across = 1", "particles_across"},
+        Refusal{"particles_across = 4", "", "spacing"},
+        Refusal{"particles_across = 4", "spacing = 0.02", "fewer than two particles"},
+        Refusal{"particles_across = 4", "spacing = 1e-7", "five million"},
+        Refusal{"density = 920", "density = -1", "density"}, Refusal{"density = 920", "", "density"},
+        Refusal{"poisson_ratio = 0.3", "poisson_ratio = 0.5", "poisson_ratio"},
+        Refusal{"poisson_ratio = 0.3", "poisson_ratio = 0.3\nlaw = \"neo_hooke\"\nplane = \"stress\"",
+                "plane"},
+        Refusal{"poisson_ratio = 0.3", "poisson_ratio = 0.3\nlaw = \"rubber\"", "law"},
+        Refusal{"poisson_ratio = 0.3", "poisson_ratio = 0.3\nviscocity_linear = 0.1", "viscosity_linear"},
+        Refusal{"clamped = [\"bottom\"]", "clamped = [\"below\"]", "not a side"},
+        Refusal{"clamped = [\"bottom\"]", "", "unique equilibrium"},
+        Refusal{"wet = [\"left\", \"top\", \"right\"]", "wet = [\"left\", \"right\"]", "follow one another"},
+        Refusal{"wet = [\"left\", \"top\", \"right\"]", "wet = [\"bottom\"]", "clamped"},
+        Refusal{"to = [1.025, 0.1]", "to = [0.9, 0.1]", "right of and above"},
+        Refusal{"point = [1.0125, 0.1]", "point = [1.0125, 0.2]", "outside"},
+        Refusal{"[[watch]]", "[[solid.load]]\nside = \"bottom\"\nforce = [1, 0]\n[[watch]]", "no effect"},
+        Refusal{"[[watch]]", "[[solid.load]]\nside = \"top\"\nforce = [1, 0]\nramp = \"t +\"\n[[watch]]",
+                ""}));
+
+TEST_P(Refuses, WithALineAndAReason) {
+  Scene scene = Scene::parse(replaced(steady_fin(), GetParam().what, GetParam().with), "scene.toml");
+  Solid solid;
+  solid.configure(scene, "solid");
+  ASSERT_FALSE(scene.problems().empty());
+  bool said = false;
+  for (const auto& problem : scene.problems()) {
+    EXPECT_GT(problem.line, 0u) << problem.message;
+    said = said || problem.message.find(GetParam().message) != std::string::npos;
+  }
+  EXPECT_TRUE(said) << scene.problems().front().message;
+}
+
+TEST(Configure, ReportsAllProblemsAtOnce) {
+  std::string text = replaced(steady_fin(), "density = 920", "density = -1");
+  text = replaced(text, "poisson_ratio = 0.3", "poisson_ratio = 2");
+  text = replaced(text, "wet = [\"left\", \"top\", \"right\"]", "wet = [\"north\"]");
+  Scene scene = Scene::parse(text, "scene.toml");
+  Solid solid;
+  solid.configure(scene, "solid");
+  EXPECT_GE(scene.problems().size(), 3u);
+}
+
+TEST(Configure, WarnsAboutThinAndIncompressibleBodies) {
+  std::string text = replaced(steady_fin(), "particles_across = 4", "particles_across = 2");
+  text = replaced(text, "poisson_ratio = 0.3", "poisson_ratio = 0.495");
+  const Running run(text);
+  EXPECT_EQ(run.plan.warnings.size(), 2u);
+}
+
+TEST(Transient, RepeatedIterationGivesTheSameBits) {
+  Running run(transient_fin());
+  run.step(1, 1, 0.05);
+  run.solid.accept();
+  const auto first = run.step(2, 1, 0.09);
+  run.step(2, 2, -0.4);
+  const auto again = run.step(2, 3, 0.09);
+  EXPECT_EQ(first.outputs.SerializeAsString(), again.outputs.SerializeAsString());
+  EXPECT_NE(value_of(first, "tip", "displacement_x"), 0);
+}
+
+TEST(Transient, LoadIsInterpolatedFromTheLastAcceptedForces) {
+  // One window under a ramp equals two half windows under its halves.
+  Running whole(replaced(transient_fin(), "window = 0.02", "window = 0.04"));
+  const Window window{.number = 1, .iteration = 1, .mode = Mode::transient, .time = 0, .duration = 0.04};
+  const auto a = whole.solid.advance(window, whole.side_forces(0.1), whole.board);
+  Running halves(transient_fin());
+  halves.step(1, 1, 0.05);
+  halves.solid.accept();
+  const auto b = halves.step(2, 1, 0.1);
+  EXPECT_NEAR(value_of(a, "tip", "displacement_x") / value_of(b, "tip", "displacement_x"), 1, 1e-3);
+}
+
+TEST(Transient, GoesOnBitForBitAfterALoad) {
+  Running one(transient_fin());
+  one.step(1, 1, 0.05);
+  one.solid.accept();
+  const auto file = one.folder / "state.h5";
+  one.solid.save(file);
+  const auto straight = one.step(2, 1, 0.08);
+  Running two(transient_fin());
+  two.solid.load(file);
+  const auto resumed = two.step(2, 1, 0.08);
+  EXPECT_EQ(straight.outputs.SerializeAsString(), resumed.outputs.SerializeAsString());
+  EXPECT_EQ(value_of(straight, "totals", "external_work"), value_of(resumed, "totals", "external_work"));
+  Running other(replaced(transient_fin(), "particles_across = 4", "particles_across = 5"));
+  EXPECT_THROW(other.solid.load(file), std::runtime_error);
+}
+
+TEST(Transient, EnergyOfTheTotalsIsBalanced) {
+  Running run(replaced(transient_fin(), "poisson_ratio = 0.3",
+                       "poisson_ratio = 0.3\nviscosity_linear = 0\nviscosity_quadratic = 0\ncourant = 0.2"));
+  AdvanceResult result;
+  for (std::uint64_t w = 1; w <= 5; ++w) {
+    result = run.step(w, 1, 0.02 * static_cast<double>(w));
+    run.solid.accept();
+  }
+  const double stored =
+      value_of(result, "totals", "kinetic_energy") + value_of(result, "totals", "internal_energy");
+  EXPECT_NEAR(stored / value_of(result, "totals", "external_work"), 1, 1e-4);
+}
+
+TEST(Steady, BalancesTheLoadAtTheClamp) {
+  Running run(steady_fin());
+  const auto result = run.equilibrium(0.05);
+  EXPECT_LT(result.remaining_error, 1e-6);
+  ASSERT_EQ(result.surface_force.size(), 2u);
+  EXPECT_NEAR(result.surface_force[0], 0.05, 1e-15);
+  EXPECT_NEAR(value_of(result, "totals", "reaction_x"), -0.05, 1e-7);
+  EXPECT_GT(value_of(result, "tip", "displacement_x"), 0.0005);
+  EXPECT_EQ(result.outputs.displacements().displacement(0), 0);
+  for (const double v : result.outputs.displacements().velocity()) ASSERT_EQ(v, 0);
+}
+
+TEST(Steady, DoesNotDependOnTheNumberOfThreads) {
+  std::vector<std::string> outputs;
+  for (const int threads : {1, 3}) {
+    omp_set_num_threads(threads);
+    Running run(steady_fin());
+    outputs.push_back(run.equilibrium(0.05).outputs.SerializeAsString());
+  }
+  omp_set_num_threads(1);
+  EXPECT_EQ(outputs[0], outputs[1]);
+}
+
+TEST(Steady, SaysWhenTheLimitIsReached) {
+  Running run(steady_fin() + "[solid.steady]\nmethod = \"relaxation\"\nmaximum_steps = 100\n");
+  try {
+    run.equilibrium(0.05);
+    FAIL();
+  } catch (const NotConverged& error) {
+    EXPECT_THAT(error.what(), HasSubstr("100 steps"));
+    EXPECT_THAT(error.advice, HasSubstr("maximum_steps"));
+  }
+}
+
+TEST(Input, IsRefusedWithItsField) {
+  Running run(steady_fin());
+  const auto expect_refused = [&](const v1::Exchange& inputs, const char* reason) {
+    try {
+      run.solid.advance({.number = 1, .iteration = 1, .mode = Mode::steady, .time = 0, .duration = 0}, inputs,
+                        run.board);
+      FAIL() << reason;
+    } catch (const BadInput& error) {
+      EXPECT_THAT(error.field, HasSubstr("inputs.forces"));
+    }
+  };
+  auto inputs = run.side_forces(1);
+  inputs.mutable_forces()->set_force(3, std::nan(""));
+  expect_refused(inputs, "not finite");
+  inputs = run.side_forces(1);
+  inputs.mutable_forces()->add_force(0);
+  expect_refused(inputs, "wrong length");
+  inputs = run.side_forces(1);
+  inputs.mutable_forces()->set_surface(42);
+  expect_refused(inputs, "another surface");
+  EXPECT_NO_THROW(run.equilibrium(0.01));  // and it stays usable
+}
+
+TEST(Divergence, NamesParticleAndPlaceAndKeepsAPicture) {
+  Running run(transient_fin());
+  try {
+    run.step(1, 1, 1e7);
+    FAIL();
+  } catch (const Diverged& error) {
+    EXPECT_THAT(error.what(), HasSubstr("particle"));
+    EXPECT_THAT(error.what(), HasSubstr("window 1"));
+    EXPECT_TRUE(std::filesystem::exists(run.folder / "last-state.hdf"));
+  }
+}
+
+TEST(Frame, WritesParticlesAndSurface) {
+  Running run(steady_fin());
+  run.equilibrium(0.05);
+  const auto files = run.solid.frame(3, 1.0);
+  ASSERT_EQ(files.size(), 2u);
+  for (const auto& file : files) EXPECT_GT(std::filesystem::file_size(run.folder / file), 1000u);
+  EXPECT_TRUE(std::filesystem::exists(run.folder / "frame.hdf.series"));
+}
+
+TEST(Interrupt, EndsALongComputation) {
+  Running run(steady_fin() + "[solid.steady]\nmethod = \"relaxation\"\n");
+  run.board.request_stop();
+  EXPECT_THROW(run.equilibrium(0.05), Interrupted);
+}
+
+}  // namespace
+}  // namespace estuary::solid
