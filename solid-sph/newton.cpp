@@ -313,7 +313,7 @@ NewtonSolver::Outcome NewtonSolver::iterate(std::vector<double>& displacement,
   Outcome outcome;
   if (solver_.evaluate(displacement) > 0) return outcome;
   use_current_stress();
-  double first_residual = 0;
+  double first_residual = 0, last_step = 0, previous_step = 0;
   for (int iteration = 0; iteration <= kIterations; ++iteration) {
     outcome.residual = set_residual(target) / scale;
     if (iteration == 0) first_residual = outcome.residual;
@@ -339,7 +339,10 @@ NewtonSolver::Outcome NewtonSolver::iterate(std::vector<double>& displacement,
         change += d * d;
         size += displacement[2 * i + c] * displacement[2 * i + c];
       }
-    outcome.change = size > 0 ? std::sqrt(change / size) : 0;
+    last_step = size > 0 ? std::sqrt(change / size) : 0;
+    // Steps shrink at least as fast as they last did, so this bounds what is still to come.
+    outcome.change = previous_step > 0 ? last_step * std::min(1.0, last_step / previous_step) : last_step;
+    previous_step = last_step;
     predict_stress(change_);
     // A step too long for the body's volume is taken in part.
     double share = 1;
