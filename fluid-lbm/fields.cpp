@@ -25,7 +25,7 @@ Sums over_rows(const Cells& cells, const OfNode& of_node, const Combine& combine
   for (int y = 0; y < cells.grid().ny; ++y) {
     Sums sums;
     for (const Span span : cells.row(y)) {
-      for (int x = span.begin; x < span.end; ++x) of_node(place(cells, x, y), sums);
+      for (int x = span.begin; x < span.end; ++x) of_node(x, y, sums);
     }
     rows[static_cast<std::size_t>(y)] = sums;
   }
@@ -89,19 +89,29 @@ void set_equilibrium(Populations& p, const Fields& fields, EquilibriumModel mode
   }
 }
 
-FieldSums sum_fields(const Fields& fields, const Cells& cells) {
+FieldSums sum_fields(const Fields& fields, const Cells& cells, const Sides& sides) {
+  const auto open = [&](SideName name) {
+    return sides[name].kind == SideKind::velocity || sides[name].kind == SideKind::pressure;
+  };
+  const Grid& grid = cells.grid();
   return over_rows<FieldSums>(
       cells,
-      [&](std::size_t k, FieldSums& sums) {
+      [&](int x, int y, FieldSums& sums) {
+        const std::size_t k = place(cells, x, y);
+        const bool half_x = (x == 0 && open(left)) || (x == grid.nx - 1 && open(right));
+        const bool half_y = (y == 0 && open(bottom)) || (y == grid.ny - 1 && open(top));
+        const double area = (half_x ? 0.5 : 1.0) * (half_y ? 0.5 : 1.0);
         const double square =
             fields.velocity_x[k] * fields.velocity_x[k] + fields.velocity_y[k] * fields.velocity_y[k];
-        sums.excess += fields.excess[k];
-        sums.kinetic_energy += 0.5 * square;
+        sums.area += area;
+        sums.excess += area * fields.excess[k];
+        sums.kinetic_energy += area * 0.5 * square;
         sums.maximum_speed = std::max(sums.maximum_speed, std::sqrt(square));
-        sums.momentum_x += fields.velocity_x[k];
-        sums.momentum_y += fields.velocity_y[k];
+        sums.momentum_x += area * fields.velocity_x[k];
+        sums.momentum_y += area * fields.velocity_y[k];
       },
       [](FieldSums& total, const FieldSums& row) {
+        total.area += row.area;
         total.excess += row.excess;
         total.kinetic_energy += row.kinetic_energy;
         total.maximum_speed = std::max(total.maximum_speed, row.maximum_speed);
@@ -116,7 +126,8 @@ VelocityChange update_velocities(const Fields& now, const Cells& cells, std::vec
   previous_y.resize(now.velocity_y.size());
   return over_rows<VelocityChange>(
       cells,
-      [&](std::size_t k, VelocityChange& sums) {
+      [&](int x, int y, VelocityChange& sums) {
+        const std::size_t k = place(cells, x, y);
         const double dx = now.velocity_x[k] - previous_x[k];
         const double dy = now.velocity_y[k] - previous_y[k];
         sums.change += dx * dx + dy * dy;

@@ -9,6 +9,7 @@
 #include "cells.hpp"
 #include "collide.hpp"
 #include "populations.hpp"
+#include "sides.hpp"
 
 namespace estuary::fluid {
 
@@ -27,24 +28,25 @@ void compute_fields(const Populations& populations, const Cells& cells, Equilibr
 /// Starts all nodes at equilibrium with the given fields, as if their collision had just been done.
 void set_equilibrium(Populations& populations, const Fields& fields, EquilibriumModel equilibrium);
 
-/// Sums over the fluid nodes, the same for any number of threads.
+/// Integrals over the fluid, the same for any number of threads. A node on an open side stands for half a
+/// cell.
 struct FieldSums {
+  double area = 0;
   double excess = 0;          // of rho'
   double kinetic_energy = 0;  // of u.u/2 (density 1)
   double maximum_speed = 0;
   double momentum_x = 0;
   double momentum_y = 0;
 };
-[[nodiscard]] FieldSums sum_fields(const Fields& fields, const Cells& cells);
+[[nodiscard]] FieldSums sum_fields(const Fields& fields, const Cells& cells, const Sides& sides);
 
 struct VelocityChange {
   double change = 0;  // square of the L2 norm of the difference to the velocities given
   double norm = 0;    // square of the L2 norm
 };
 /// Compares the velocities with `previous` and stores them there.
-[[nodiscard]] VelocityChange update_velocities(const Fields& now, const Cells& cells,
-                                               std::vector<double>& previous_x,
-                                               std::vector<double>& previous_y);
+VelocityChange update_velocities(const Fields& now, const Cells& cells, std::vector<double>& previous_x,
+                                 std::vector<double>& previous_y);
 
 /// First node (in order of rows) where the density is not finite, not positive, or the speed not below the
 /// speed of sound.

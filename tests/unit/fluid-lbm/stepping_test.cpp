@@ -217,9 +217,9 @@ TEST(Stepping, ClosedBoxWithMovingLidKeepsMass) {
   settings.sides[top].velocity_y.assign(31, 0.0);
   Flow flow(settings);
   start(flow, uneven_fields(15, 15, 0.03));
-  const double before = sum_fields(fields_of(flow), flow.cells()).excess;
+  const double before = sum_fields(fields_of(flow), flow.cells(), flow.sides()).excess;
   flow.run(500);
-  EXPECT_NEAR(sum_fields(fields_of(flow), flow.cells()).excess, before, 1e-13);
+  EXPECT_NEAR(sum_fields(fields_of(flow), flow.cells(), flow.sides()).excess, before, 1e-13);
 }
 
 TEST(Stepping, SameBitsForAnyNumberOfThreads) {
@@ -239,7 +239,7 @@ TEST(Stepping, SameBitsForAnyNumberOfThreads) {
     flow.run(101);
     const auto values = flow.populations().values();
     results.emplace_back(values.begin(), values.end());
-    const auto sums = sum_fields(fields_of(flow), flow.cells());
+    const auto sums = sum_fields(fields_of(flow), flow.cells(), flow.sides());
     results.back().push_back(sums.kinetic_energy);
     results.back().push_back(flow.wet_links().force(flow.populations()).x);
   }

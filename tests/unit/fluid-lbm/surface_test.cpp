@@ -57,7 +57,7 @@ TEST(Surface, ClosedBodyInUniformPressureFeelsNothing) {
     start(flow, fields);
     flow.run(50);
     const Fields now = fields_of(flow);
-    EXPECT_LT(sum_fields(now, flow.cells()).maximum_speed, 1e-15);
+    EXPECT_LT(sum_fields(now, flow.cells(), flow.sides()).maximum_speed, 1e-15);
     const Force force = flow.wet_links().force(flow.populations());
     EXPECT_NEAR(force.x, 0, 1e-15);
     EXPECT_NEAR(force.y, 0, 1e-15);
@@ -206,7 +206,7 @@ TEST(Surface, MovingBodyFeelsTheForceOfThePassingFluid) {
   Fields stream = uneven_fields(n, n, 0);
   stream.velocity_x.assign(stream.velocity_x.size(), -speed);
   start(fixed, stream);
-  const double mass_before = sum_fields(fields_of(moving), moving.cells()).excess +
+  const double mass_before = sum_fields(fields_of(moving), moving.cells(), moving.sides()).excess +
                              static_cast<double>(moving.cells().fluid_count());
   std::size_t uncovered = 0;
   double impulse_moving = 0;
@@ -236,7 +236,7 @@ TEST(Surface, MovingBodyFeelsTheForceOfThePassingFluid) {
   const Fields fields = fields_of(moving);
   EXPECT_FALSE(find_bad_node(fields, moving.cells()));
   const double mass =
-      sum_fields(fields, moving.cells()).excess + static_cast<double>(moving.cells().fluid_count());
+      sum_fields(fields, moving.cells(), moving.sides()).excess + static_cast<double>(moving.cells().fluid_count());
   EXPECT_NEAR(mass / mass_before, 1.0, 2e-4);
 }
 

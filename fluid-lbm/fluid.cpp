@@ -1,0 +1,453 @@
+#include "fluid.hpp"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cmath>
+
+#include "checkpoint.hpp"
+#include "watches.hpp"
+#include "wet_surface.hpp"
+
+namespace estuary::fluid {
+namespace {
+
+using Clock = std::chrono::steady_clock;
+
+// Adds the time of a scope to a phase.
+class Stopwatch {
+public:
+  explicit Stopwatch(double& seconds) : seconds_(seconds), begin_(Clock::now()) {}
+  ~Stopwatch() { seconds_ += std::chrono::duration<double>(Clock::now() - begin_).count(); }
+  Stopwatch(const Stopwatch&) = delete;
+  Stopwatch& operator=(const Stopwatch&) = delete;
+
+private:
+  double& seconds_;
+  Clock::time_point begin_;
+};
+
+// A step of the surface beyond this speed [lattice units] leaves the method's range.
+constexpr double fastest_surface = 0.5;
+
+double relative(double change, double norm) {
+  return change == 0 ? 0 : std::sqrt(change / norm);
+}
+
+}  // namespace
+
+Identity Fluid::identity() const {
+  return {.name = "fluid-lbm",
+          .version = ESTUARY_VERSION,
+          .roles = {"fluid"},
+          .capabilities = {"steady", "transient", "wet-surface", "viscous-traction", "checkpoint"},
+          .dimensions = {2}};
+}
+
+Plan Fluid::configure(Scene& scene, const std::string& role) {
+  Plan plan;
+  scene_ = read_fluid_scene(scene, role, plan);
+  return plan;
+}
+
+v1::Exchange Fluid::start(const v1::Exchange& initial, const std::filesystem::path& folder) {
+  sides_constant_ = std::all_of(scene_.profiles.begin(), scene_.profiles.end(),
+                                [](const SideProfile& profile) { return profile.constant_in_time(); });
+  FlowSettings settings = scene_.flow;
+  evaluate_sides(scene_, 0.0, settings.sides);
+  flow_ = std::make_unique<Flow>(settings);
+  output_ = std::make_unique<Output>(folder);
+  if (!scene_.obstacle_connectivity.empty()) {
+    flow_->set_obstacles(scene_.obstacle_positions.size() / 2, scene_.obstacle_connectivity,
+                         scene_.obstacle_positions);
+  }
+  if (initial.has_wet_surface()) take_surface(initial);
+  if (flow_->cells().fluid_count() == 0) {
+    throw BadInput("initial.wet_surface",
+                   "no fluid is left: the surface encloses the whole domain, or its segments run "
+                   "the wrong way round (the fluid lies to their left)");
+  }
+  if (!scene_.initial_velocity.empty()) {
+    const Grid& grid = flow_->grid();
+    const double scale = scene_.units.velocity_to_lattice();
+    Fields fields;
+    for (int y = 0; y < grid.ny; ++y) {
+      for (int x = 0; x < grid.nx; ++x) {
+        fields.excess.push_back(0);
+        fields.velocity_x.push_back(scale * scene_.initial_velocity[0](grid.x(x), grid.y(y), 0, 0));
+        fields.velocity_y.push_back(scale * scene_.initial_velocity[1](grid.x(x), grid.y(y), 0, 0));
+      }
+    }
+    set_equilibrium(flow_->populations(), fields, settings.equilibrium);
+  }
+  if (scene_.has_partner && scene_.mode == Mode::transient) {
+    copy_.emplace();
+    copy_->populations.resize(flow_->populations().values().size());
+  }
+  evaluate_fields();
+  check_state();
+  return {};
+}
+
+void Fluid::take_surface(const v1::Exchange& initial) {
+  check_wet_surface(initial.wet_surface());
+  surface_ = initial.wet_surface();
+  if (surface_.dimension() != 2)
+    throw BadInput("initial.wet_surface.dimension", "this fluid works in two dimensions");
+  flow_->set_wet_surface(node_count(surface_),
+                         {surface_.connectivity().begin(), surface_.connectivity().end()});
+  accepted_.displacement.assign(static_cast<std::size_t>(surface_.reference_positions_size()), 0.0);
+  accepted_.velocity = accepted_.displacement;
+  if (initial.has_displacements()) accepted_ = motion_of(initial);
+  latest_ = accepted_;
+  move_surface(accepted_);
+}
+
+Fluid::Motion Fluid::motion_of(const v1::Exchange& inputs) const {
+  if (!flow_->wet_surface()) return {};
+  if (!inputs.has_displacements()) {
+    throw BadInput("inputs.displacements", "the motion of the wet surface is missing");
+  }
+  const auto& field = inputs.displacements();
+  check_displacements(field, surface_);
+  Motion motion{{field.displacement().begin(), field.displacement().end()},
+                {field.velocity().begin(), field.velocity().end()}};
+  if (scene_.mode == Mode::steady) motion.velocity.assign(motion.velocity.size(), 0.0);
+  const double scale = scene_.units.velocity_to_lattice();
+  for (std::size_t k = 0; k < motion.velocity.size(); ++k) {
+    if (std::abs(motion.velocity[k]) * scale < fastest_surface) continue;
+    throw Diverged(
+        "inputs.displacements.velocity",
+        fmt::format("node {} of the wet surface moves with {:g} m/s, {:.2g} spacings per time step", k / 2,
+                    motion.velocity[k], motion.velocity[k] * scale),
+        "relax the coupling more, shorten the window, or raise fluid.reference_velocity");
+  }
+  return motion;
+}
+
+void Fluid::move_surface(const Motion& motion) {
+  const Stopwatch stopwatch(seconds_.wet_surface);
+  const auto& reference = surface_.reference_positions();
+  std::vector<double> positions(motion.displacement.size());
+  for (std::size_t k = 0; k < positions.size(); ++k) {
+    positions[k] = reference[static_cast<int>(k)] + motion.displacement[k];
+  }
+  flow_->move_wet_surface(positions, motion.velocity, scene_.units.velocity_to_lattice());
+  wet_load_stale_ = true;
+}
+
+// Cubic Hermite between the window's start and end, in displacement and velocity.
+void Fluid::move_inside_window(const Motion& end, double s, double duration) {
+  if (s >= 1) {
+    move_surface(end);
+    return;
+  }
+  const double h00 = (1 + 2 * s) * (1 - s) * (1 - s);
+  const double h10 = s * (1 - s) * (1 - s) * duration;
+  const double h01 = s * s * (3 - 2 * s);
+  const double h11 = s * s * (s - 1) * duration;
+  const double g00 = 6 * s * (s - 1) / duration;
+  const double g10 = (1 - s) * (1 - 3 * s);
+  const double g11 = s * (3 * s - 2);
+  Motion now{std::vector<double>(end.displacement.size()), std::vector<double>(end.displacement.size())};
+  for (std::size_t k = 0; k < end.displacement.size(); ++k) {
+    const double d0 = accepted_.displacement[k];
+    const double d1 = end.displacement[k];
+    const double v0 = accepted_.velocity[k];
+    const double v1 = end.velocity[k];
+    now.displacement[k] = h00 * d0 + h10 * v0 + h01 * d1 + h11 * v1;
+    now.velocity[k] = g00 * (d0 - d1) + g10 * v0 + g11 * v1;
+  }
+  move_surface(now);
+}
+
+void Fluid::go_back_to_window_start() {
+  std::copy(copy_->populations.begin(), copy_->populations.end(), flow_->populations().values().begin());
+  flow_->populations().set_parity(copy_->parity);
+  if (!flow_->wet_surface()) return;
+  std::vector<double> positions(accepted_.displacement.size());
+  for (std::size_t k = 0; k < positions.size(); ++k) {
+    positions[k] = surface_.reference_positions(static_cast<int>(k)) + accepted_.displacement[k];
+  }
+  flow_->restore_wet_surface(positions, accepted_.velocity, scene_.units.velocity_to_lattice());
+  wet_load_stale_ = true;
+}
+
+AdvanceResult Fluid::advance(const Window& window, const v1::Exchange& inputs, ProgressBoard& progress) {
+  if (window.mode != scene_.mode) throw BadInput("mode", "differs from the scene's coupling mode");
+  const Motion end = motion_of(inputs);
+  double remaining = 0;
+  if (scene_.mode == Mode::steady) {
+    remaining = advance_steady(window, end, progress);
+  } else {
+    advance_transient(window, end, progress);
+  }
+  latest_ = end;
+  AdvanceResult advanced = result();
+  advanced.remaining_error = remaining;
+  return advanced;
+}
+
+void Fluid::advance_transient(const Window& window, const Motion& end, ProgressBoard& progress) {
+  const double exact = window.duration / scene_.units.time_step;
+  const double rounded = std::round(exact);
+  if (rounded < 1 || std::abs(exact - rounded) > 1e-6 * rounded) {
+    throw BadInput("duration", fmt::format("a window of {:g} s is not a whole number of time steps of {:g} s",
+                                           window.duration, scene_.units.time_step));
+  }
+  if (window.iteration > 1) {
+    if (!copy_) throw BadInput("header.iteration", "no partner in the scene, so windows are not repeated");
+    go_back_to_window_start();
+  } else if (copy_) {
+    const auto values = flow_->populations().values();
+    std::copy(values.begin(), values.end(), copy_->populations.begin());
+    copy_->parity = flow_->populations().parity();
+  }
+  if (!sides_constant_) evaluate_sides(scene_, window.time, flow_->sides());
+  const auto steps = static_cast<std::size_t>(rounded);
+  const bool resting = end.displacement == accepted_.displacement && end.velocity == accepted_.velocity &&
+                       std::all_of(end.velocity.begin(), end.velocity.end(), [](double v) { return v == 0; });
+  const bool all_fixed = resting && sides_constant_;
+  auto reported = Clock::now();
+  for (std::size_t done = 0; done < steps;) {
+    const std::size_t count = all_fixed ? std::min(steps - done, steps_at_once()) : 1;
+    run(count);
+    done += count;
+    const double fraction = static_cast<double>(done) / rounded;
+    if (!resting) move_inside_window(end, done == steps ? 1.0 : fraction, window.duration);
+    if (!sides_constant_) evaluate_sides(scene_, window.time + window.duration * fraction, flow_->sides());
+    if (Clock::now() - reported > std::chrono::milliseconds(100)) {
+      check_progress(progress, fraction, fmt::format("step {} of {}", done, steps));
+      evaluate_fields();
+      check_state();
+      reported = Clock::now();
+    }
+  }
+  evaluate_fields();
+  check_state();
+  evaluate_loads();
+}
+
+double Fluid::advance_steady(const Window& window, const Motion& end, ProgressBoard& progress) {
+  if (!end.displacement.empty()) move_surface(end);
+  const auto between = static_cast<std::uint64_t>(steps_between_checks(flow_->grid().nx, flow_->grid().ny));
+  evaluate_fields();
+  update_velocities(fields_, flow_->cells(), previous_x_, previous_y_);
+  previous_load_.clear();
+  evaluate_loads();
+  load_change();
+  RemainingChange of_flow;
+  RemainingChange of_load;
+  int satisfied = 0;
+  double first = 0;
+  const std::uint64_t begin = steps_;
+  while (true) {
+    for (std::uint64_t done = 0; done < between;) {
+      const std::size_t count = std::min<std::uint64_t>(between - done, steps_at_once());
+      run(count);
+      done += count;
+      check_progress(progress, -1, {});
+    }
+    evaluate_fields();
+    check_state();
+    evaluate_loads();
+    const VelocityChange change = update_velocities(fields_, flow_->cells(), previous_x_, previous_y_);
+    of_flow.add(relative(change.change, change.norm));
+    of_load.add(load_change());
+    const double remaining = std::max(of_flow.estimate(), of_load.estimate());
+    satisfied = remaining < scene_.steady_tolerance ? satisfied + 1 : 0;
+    if (satisfied == 2) return remaining;
+    if (first == 0 && std::isfinite(remaining)) first = remaining;
+    const double fraction =
+        first > scene_.steady_tolerance && std::isfinite(remaining)
+            ? std::clamp(std::log(first / remaining) / std::log(first / scene_.steady_tolerance), 0.0, 1.0)
+            : -1;
+    const std::uint64_t steps = steps_ - begin;
+    check_progress(progress, fraction,
+                   std::isfinite(remaining) ? fmt::format("step {}, change left {:.2g}", steps, remaining)
+                                            : fmt::format("step {}", steps));
+    if (steps >= scene_.steady_maximum_steps) {
+      throw NotConverged(
+          fmt::format(
+              "the flow is not steady after {} steps (iteration {}): estimated relative change left {:.3g}, "
+              "tolerance {:.3g}",
+              steps, window.iteration, remaining, scene_.steady_tolerance),
+          "raise fluid.steady.maximum_steps or fluid.steady.tolerance; when the change does not shrink the "
+          "flow may have no "
+          "steady state at this Reynolds number: use coupling.mode = \"transient\"");
+    }
+  }
+}
+
+void Fluid::run(std::size_t steps) {
+  const Stopwatch stopwatch(seconds_.collide_and_stream);
+  flow_->run(steps);
+  steps_ += steps;
+  updates_ += static_cast<double>(steps) * static_cast<double>(flow_->cells().fluid_count());
+}
+
+// About a tenth of a second's worth, so that a stop or a report is never late.
+std::size_t Fluid::steps_at_once() const {
+  const auto nodes = static_cast<double>(flow_->cells().fluid_count());
+  const double per_second = updates_ > 20 * nodes ? updates_ / seconds_.collide_and_stream : 2e7;
+  return static_cast<std::size_t>(std::clamp(0.1 * per_second / nodes, 1.0, 1e6));
+}
+
+void Fluid::check_progress(ProgressBoard& progress, double fraction, const std::string& note) {
+  progress.report(fraction, note);
+  if (progress.stop_requested()) throw Interrupted();
+}
+
+void Fluid::evaluate_fields() {
+  const Stopwatch stopwatch(seconds_.fields_and_loads);
+  flow_->apply_boundaries();
+  compute_fields(flow_->populations(), flow_->cells(), scene_.flow.equilibrium, fields_);
+}
+
+void Fluid::evaluate_loads() {
+  if (!flow_->wet_surface()) return;
+  const Stopwatch stopwatch(seconds_.fields_and_loads);
+  if (wet_load_stale_) {
+    wet_load_.build(*flow_->wet_surface(), flow_->cells());
+    wet_load_stale_ = false;
+  }
+  wet_load_.evaluate(flow_->populations(), scene_.flow.equilibrium, scene_.flow.rates, pressure_,
+                     scene_.viscous_traction ? &traction_ : nullptr);
+}
+
+// Relative L2 change of the load since the last call.
+double Fluid::load_change() {
+  if (!flow_->wet_surface()) return 0;
+  std::vector<double> load = pressure_;
+  load.insert(load.end(), traction_.begin(), traction_.end());
+  double change = 0;
+  double norm = 0;
+  for (std::size_t k = 0; k < load.size() && k < previous_load_.size(); ++k) {
+    change += (load[k] - previous_load_[k]) * (load[k] - previous_load_[k]);
+    norm += load[k] * load[k];
+  }
+  previous_load_ = std::move(load);
+  return relative(change, norm);
+}
+
+void Fluid::check_state() {
+  const auto bad = find_bad_node(fields_, flow_->cells());
+  if (!bad) return;
+  const Grid& grid = flow_->grid();
+  std::string saved;
+  try {
+    saved = output_->write_diverged(*flow_, fields_, scene_.units);
+  } catch (const std::exception& error) {
+    saved = fmt::format("nowhere: {}", error.what());
+  }
+  throw Diverged(
+      "velocity",
+      fmt::format("{} at cell ({}, {}), x = {:g} m, y = {:g} m, step {}; last fields in {}",
+                  bad->finite ? fmt::format("speed {:.3g} m/s (Mach {:.2g})",
+                                            bad->speed / scene_.units.velocity_to_lattice(),
+                                            bad->speed * std::sqrt(3.0))
+                              : std::string("a value that is not finite"),
+                  bad->node.x, bad->node.y, grid.x(bad->node.x), grid.y(bad->node.y), steps_, saved),
+      fmt::format("the relaxation time is {:.4g}: use a finer spacing, a smaller fluid.lattice_velocity, or "
+                  "check that the "
+                  "velocities at the sides and of the wet surface stay near fluid.reference_velocity",
+                  scene_.units.relaxation_time()));
+}
+
+AdvanceResult Fluid::result() {
+  AdvanceResult advanced;
+  Force force;
+  if (flow_->wet_surface()) {
+    auto& field = *advanced.outputs.mutable_pressures();
+    field.set_surface(surface_.identity());
+    const double stress = scene_.units.stress();
+    for (const double p : pressure_) field.add_pressure(p * stress);
+    if (scene_.viscous_traction) {
+      for (const double t : traction_) field.add_viscous_traction(t * stress);
+    }
+    force = flow_->wet_links().force(flow_->populations());
+    const Grid& grid = flow_->grid();
+    const double fx = force.x * scene_.units.force();
+    const double fy = force.y * scene_.units.force();
+    advanced.surface_force = {fx, fy};
+    advanced.surface_moment =
+        force.moment * scene_.units.force() * grid.spacing + grid.x0 * fy - grid.y0 * fx;
+  }
+  if (flow_->obstacles()) {
+    const Force fixed = flow_->obstacle_links().force(flow_->populations());
+    force.x += fixed.x;
+    force.y += fixed.y;
+  }
+  advanced.watches = evaluate_watches(scene_, fields_, flow_->cells(), force);
+  advanced.work = {.steps = steps_,
+                   .updates = updates_,
+                   .bytes_per_update = 2.0 * D2Q9::count * sizeof(double),
+                   .phase_seconds = {{"collide and stream", seconds_.collide_and_stream},
+                                     {"wet surface", seconds_.wet_surface},
+                                     {"fields and loads", seconds_.fields_and_loads}}};
+  return advanced;
+}
+
+void Fluid::accept() {
+  accepted_ = latest_;
+}
+
+void Fluid::save(const std::filesystem::path& file) {
+  CheckpointWriter writer(file);
+  const Populations& populations = flow_->populations();
+  writer.add("populations", populations.values());
+  writer.add("parity", std::uint64_t{populations.parity() == Parity::odd});
+  writer.add("steps", steps_);
+  writer.add("updates", std::vector<double>{updates_});
+  if (flow_->wet_surface()) {
+    writer.add("displacement", accepted_.displacement);
+    writer.add("velocity", accepted_.velocity);
+  }
+  for (const SideName name : {left, right, bottom, top}) {
+    const Side& side = flow_->sides()[name];
+    std::vector<double> values = side.velocity_x;
+    values.insert(values.end(), side.velocity_y.begin(), side.velocity_y.end());
+    values.insert(values.end(), side.excess.begin(), side.excess.end());
+    if (!values.empty()) writer.add(std::string("side ") + side_names[name], values);
+  }
+  writer.commit();
+}
+
+void Fluid::load(const std::filesystem::path& file) {
+  const CheckpointReader reader(file);
+  reader.read("populations", flow_->populations().values());
+  flow_->populations().set_parity(reader.read_count("parity") == 1 ? Parity::odd : Parity::even);
+  steps_ = reader.read_count("steps");
+  updates_ = reader.read_all("updates").at(0);
+  for (const SideName name : {left, right, bottom, top}) {
+    Side& side = flow_->sides()[name];
+    std::vector<double> values(side.velocity_x.size() + side.velocity_y.size() + side.excess.size());
+    if (values.empty()) continue;
+    reader.read(std::string("side ") + side_names[name], values);
+    auto from = values.begin();
+    for (auto* to : {&side.velocity_x, &side.velocity_y, &side.excess}) {
+      const auto past = from + static_cast<std::ptrdiff_t>(to->size());
+      std::copy(from, past, to->begin());
+      from = past;
+    }
+  }
+  if (flow_->wet_surface()) {
+    reader.read("displacement", accepted_.displacement);
+    reader.read("velocity", accepted_.velocity);
+    latest_ = accepted_;
+    std::vector<double> positions(accepted_.displacement.size());
+    for (std::size_t k = 0; k < positions.size(); ++k) {
+      positions[k] = surface_.reference_positions(static_cast<int>(k)) + accepted_.displacement[k];
+    }
+    flow_->restore_wet_surface(positions, accepted_.velocity, scene_.units.velocity_to_lattice());
+    wet_load_stale_ = true;
+  }
+  evaluate_fields();
+  evaluate_loads();
+}
+
+std::vector<std::string> Fluid::frame(std::uint64_t number, double time) {
+  return output_->write(number, time, *flow_, fields_, scene_.units, pressure_, traction_);
+}
+
+}  // namespace estuary::fluid

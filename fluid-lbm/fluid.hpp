@@ -1,0 +1,85 @@
+// The lattice Boltzmann fluid as a participant of a run.
+#pragma once
+
+#include <chrono>
+#include <memory>
+#include <optional>
+
+#include "fluid_scene.hpp"
+#include "output.hpp"
+#include "participant.hpp"
+#include "steady.hpp"
+#include "wet_load.hpp"
+
+namespace estuary::fluid {
+
+class Fluid : public Participant {
+public:
+  [[nodiscard]] Identity identity() const override;
+  Plan configure(Scene& scene, const std::string& role) override;
+  v1::Exchange start(const v1::Exchange& initial, const std::filesystem::path& folder) override;
+  AdvanceResult advance(const Window& window, const v1::Exchange& inputs, ProgressBoard& progress) override;
+  void accept() override;
+  void save(const std::filesystem::path& file) override;
+  void load(const std::filesystem::path& file) override;
+  std::vector<std::string> frame(std::uint64_t number, double time) override;
+
+private:
+  // Displacement and velocity of all wet nodes [m, m/s].
+  struct Motion {
+    std::vector<double> displacement;
+    std::vector<double> velocity;
+  };
+  // The window's start, to go back to.
+  struct Copy {
+    std::vector<double> populations;
+    Parity parity = Parity::odd;
+  };
+
+  void take_surface(const v1::Exchange& initial);
+  [[nodiscard]] Motion motion_of(const v1::Exchange& inputs) const;
+  void move_surface(const Motion& motion);
+  void move_inside_window(const Motion& end, double fraction, double duration);
+  void go_back_to_window_start();
+
+  void advance_transient(const Window& window, const Motion& end, ProgressBoard& progress);
+  double advance_steady(const Window& window, const Motion& end, ProgressBoard& progress);
+  void run(std::size_t steps);
+  void evaluate_fields();
+  void evaluate_loads();
+  double load_change();
+  void check_state();
+  void check_progress(ProgressBoard& progress, double fraction, const std::string& note);
+  [[nodiscard]] std::size_t steps_at_once() const;
+  AdvanceResult result();
+
+  // Time spent, by phase [s].
+  struct Seconds {
+    double collide_and_stream = 0;
+    double wet_surface = 0;
+    double fields_and_loads = 0;
+  };
+
+  FluidScene scene_;
+  std::unique_ptr<Flow> flow_;
+  std::unique_ptr<Output> output_;
+  v1::WetSurface surface_;
+  Motion accepted_;  // at the window's start
+  Motion latest_;    // at the end of the last advance
+  std::optional<Copy> copy_;
+  WetLoad wet_load_;
+  bool wet_load_stale_ = true;
+  Fields fields_;
+  std::vector<double> pressure_;  // lattice units
+  std::vector<double> traction_;
+  std::vector<double> previous_x_;  // steady mode: velocities and loads at the last check
+  std::vector<double> previous_y_;
+  std::vector<double> previous_load_;
+  bool sides_constant_ = true;
+  std::uint64_t steps_ = 0;
+  std::uint64_t steps_checked_ = 0;
+  double updates_ = 0;
+  Seconds seconds_;
+};
+
+}  // namespace estuary::fluid

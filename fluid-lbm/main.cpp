@@ -1,0 +1,6 @@
+#include "fluid.hpp"
+#include "serve.hpp"
+
+int main(int argc, char** argv) {
+  return estuary::serve(argc, argv, std::make_unique<estuary::fluid::Fluid>());
+}
