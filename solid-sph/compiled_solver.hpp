@@ -15,7 +15,6 @@ public:
       : Solver(body, std::move(pairs)),
         law_{options.constants},
         viscosity_(options.viscosity),
-        acceleration_(2 * body.size()),
         predicted_velocity_(Viscous ? 2 * body.size() : 0) {}
 
   std::int64_t evaluate(std::span<const double> displacement) override {
@@ -40,43 +39,26 @@ public:
   void advance(State& state, const Loading& loading, double duration, std::uint64_t steps, double damping,
                const Monitor& monitor) override {
     const double dt = duration / static_cast<double>(steps);
-    double* u = state.displacement.data();
-    double* v = state.velocity.data();
-    double* a = acceleration_.data();
-    const std::size_t n = body_.size();
-    const double decay = 1 - 0.5 * damping * dt;
-    const double gain = 1 / (1 + 0.5 * damping * dt);
+    const Kick kick{.dt = dt,
+                    .decay = 1 - 0.5 * damping * dt,
+                    .gain = 1 / (1 + 0.5 * damping * dt),
+                    .gravity = loading.gravity};
     const double gravity_work_before = gravity_work(state, loading);
     const double start = state.time;
 
-    if (compute_stress<Law, Stabilised>(body_, pairs_, law_, state.displacement, fields_) > 0)
-      report_breakdown(0);
-    compute_force<Stabilised, Viscous>(body_, pairs_, viscosity_, state.displacement, state.velocity,
-                                       fields_);
+    sweep(state.displacement, state.velocity, 0);
     add_surface_loads(loading, 0.0, start);
-    forces_to_accelerations(loading.gravity);
-
     for (std::uint64_t step = 1; step <= steps; ++step) {
       const double fraction = static_cast<double>(step) / static_cast<double>(steps);
       const double time = start + fraction * duration;
-#pragma omp parallel for schedule(static)
-      for (std::size_t c = 0; c < 2 * n; ++c) {
-        v[c] = decay * v[c] + 0.5 * dt * a[c];
-        u[c] += dt * v[c];
-        // The viscous force wants the velocity at the step's end; half a step's extrapolation keeps second
-        // order.
-        if constexpr (Viscous) predicted_velocity_[c] = v[c] + 0.5 * dt * a[c];
-      }
-      if (compute_stress<Law, Stabilised>(body_, pairs_, law_, state.displacement, fields_) > 0)
-        report_breakdown(step);
-      compute_force<Stabilised, Viscous>(body_, pairs_, viscosity_, state.displacement, predicted_velocity_,
-                                         fields_);
+      if (step == 1)
+        update<false, true>(state, kick);
+      else
+        update<true, true>(state, kick);
+      sweep(state.displacement, predicted_velocity_, step);
       state.external_work +=
           surface_work(loading, state, dt, fraction, 1.0 / static_cast<double>(steps), time);
       add_surface_loads(loading, fraction, time);
-      forces_to_accelerations(loading.gravity);
-#pragma omp parallel for schedule(static)
-      for (std::size_t c = 0; c < 2 * n; ++c) v[c] = gain * (v[c] + 0.5 * dt * a[c]);
       if (step % 128 == 0) {
         char note[64];
         std::snprintf(note, sizeof note, "step %llu of %llu", static_cast<unsigned long long>(step),
@@ -84,6 +66,7 @@ public:
         monitor(fraction, note);
       }
     }
+    update<true, false>(state, kick);
     state.time = start + duration;
     state.external_work += gravity_work(state, loading) - gravity_work_before;
   }
@@ -92,6 +75,46 @@ public:
                           const EquilibriumSettings& settings, const Monitor& monitor) override;
 
 private:
+  struct Kick {
+    double dt, decay, gain;
+    std::array<double, 2> gravity;
+  };
+
+  // Both sweeps for a state on the way.
+  void sweep(std::span<const double> displacement, std::span<const double> velocity, std::uint64_t step) {
+    if (compute_stress<Law, Stabilised>(body_, pairs_, law_, displacement, fields_) > 0)
+      report_breakdown(step);
+    compute_force<Stabilised, Viscous>(body_, pairs_, viscosity_, displacement, velocity, fields_);
+  }
+
+  // Ends one step (second half kick) and begins the next (first half kick and drift) in one pass over memory.
+  template <bool Ends, bool Begins>
+  void update(State& state, const Kick& kick) {
+    double* u = state.displacement.data();
+    double* v = state.velocity.data();
+    const double* force = fields_.force.data();
+    const double half = 0.5 * kick.dt;
+    const std::size_t n = body_.size();
+#pragma omp parallel for schedule(static) if (n > kSerialBelow)
+    for (std::size_t i = 0; i < n; ++i) {
+      if (body_.fixed[i]) continue;
+      const double inverse_mass = 1 / body_.mass[i];
+      for (std::size_t c = 0; c < 2; ++c) {
+        const double a = force[2 * i + c] * inverse_mass + kick.gravity[c];
+        double velocity = v[2 * i + c];
+        if constexpr (Ends) velocity = kick.gain * (velocity + half * a);
+        if constexpr (Begins) {
+          velocity = kick.decay * velocity + half * a;
+          u[2 * i + c] += kick.dt * velocity;
+          // The viscous force wants the velocity at the step's end; half a step's extrapolation keeps second
+          // order.
+          if constexpr (Viscous) predicted_velocity_[2 * i + c] = velocity + half * a;
+        }
+        v[2 * i + c] = velocity;
+      }
+    }
+  }
+
   void add_surface_loads(const Loading& loading, double fraction, double time) {
     for (const ParticleLoad& load : loading.loads) {
       const double factor = load.factor ? load.factor(time) : 1.0;
@@ -128,21 +151,8 @@ private:
     });
   }
 
-  void forces_to_accelerations(const std::array<double, 2>& gravity) {
-    const std::size_t n = body_.size();
-    const double* force = fields_.force.data();
-    double* a = acceleration_.data();
-#pragma omp parallel for schedule(static)
-    for (std::size_t i = 0; i < n; ++i) {
-      const bool fixed = body_.fixed[i] != 0;
-      a[2 * i] = fixed ? 0.0 : force[2 * i] / body_.mass[i] + gravity[0];
-      a[2 * i + 1] = fixed ? 0.0 : force[2 * i + 1] / body_.mass[i] + gravity[1];
-    }
-  }
-
   Law law_;
   ArtificialViscosity viscosity_;
-  std::vector<double> acceleration_;
   std::vector<double> predicted_velocity_;
 };
 

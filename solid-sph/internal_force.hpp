@@ -27,6 +27,9 @@
 
 namespace estuary::solid {
 
+/// Bodies up to this size are swept by one thread: waking others takes longer.
+inline constexpr std::size_t kSerialBelow = 1024;
+
 /// Work arrays of the sweeps.
 struct Fields {
   std::vector<double> deformation_gradient;  // F, xx xy yx yy per particle
@@ -64,7 +67,7 @@ std::int64_t compute_stress(const Body& body, const Neighbourhood& pairs, const 
   double* stress = fields.stress.data();
   const std::size_t n = body.size();
   std::int64_t bad = 0;
-#pragma omp parallel for schedule(static) reduction(+ : bad)
+#pragma omp parallel for schedule(static) reduction(+ : bad) if (n > kSerialBelow)
   for (std::size_t i = 0; i < n; ++i) {
     const double ux = u[2 * i], uy = u[2 * i + 1];
     double hxx = 0, hxy = 0, hyx = 0, hyy = 0;
@@ -128,7 +131,7 @@ void compute_force(const Body& body, const Neighbourhood& pairs, const Artificia
   const double* stress = fields.stress.data();
   double* force = fields.force.data();
   const std::size_t n = body.size();
-#pragma omp parallel for schedule(static)
+#pragma omp parallel for schedule(static) if (n > kSerialBelow)
   for (std::size_t i = 0; i < n; ++i) {
     const double gx = pairs.gradient_sum[2 * i], gy = pairs.gradient_sum[2 * i + 1];
     double fx = stress[4 * i] * gx + stress[4 * i + 1] * gy;

@@ -89,7 +89,7 @@ EquilibriumReport CompiledSolver<Law, Stabilised, Viscous>::relax(std::vector<do
     }
 
     const double decay = (2 - damping * dt) / (2 + damping * dt), gain = 2 * dt / (2 + damping * dt);
-#pragma omp parallel for schedule(static)
+#pragma omp parallel for schedule(static) if (n > kSerialBelow)
     for (std::size_t c = 0; c < 2 * n; ++c) {
       if (body_.fixed[c / 2]) continue;
       velocity[c] = decay * velocity[c] + gain * (external[c] + force[c]) / body_.mass[c / 2];

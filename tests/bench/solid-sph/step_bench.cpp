@@ -1,0 +1,92 @@
+// Particle-steps per second of the explicit step, against the machine's own memory bandwidth in the same run.
+// Arguments: columns, smoothing ratio in hundredths (95: 8 neighbours, 130: 20), threads.
+#include <benchmark/benchmark.h>
+#include <omp.h>
+
+#include <cmath>
+#include <vector>
+
+#include "solver.hpp"
+
+namespace {
+
+using namespace estuary::solid;
+
+struct Plate {
+  Body body;
+  std::unique_ptr<Solver> solver;
+  State state;
+
+  Plate(std::int64_t columns, double ratio, Order order, double stabilisation, double viscosity) {
+    Box box;
+    box.to = {1.0, 1.0};
+    box.spacing = 1.0 / static_cast<double>(columns);
+    body = fill(box, 1000, ratio, order == Order::quadratic);
+    SolverOptions options;
+    options.constants = ElasticConstants::from(1e6, 0.3, Plane::strain);
+    options.order = order;
+    options.stabilisation_modulus = stabilisation * options.constants.wave_modulus();
+    options.viscosity = {.linear = viscosity,
+                         .quadratic = 2 * viscosity,
+                         .sound_speed = std::sqrt(options.constants.wave_modulus() / 1000),
+                         .smoothing_length = body.smoothing_length,
+                         .density = 1000};
+    solver = make_solver(LawName::saint_venant_kirchhoff, body, options);
+    state = at_rest(body);
+    for (std::size_t i = 0; i < body.size();
+         ++i)  // a spin and a stretch, so that every operation has work to do
+      for (std::size_t c = 0; c < 2; ++c)
+        state.velocity[2 * i + c] = (c == 0 ? 1 : -0.5) * (body.position[2 * i + 1 - c] - 0.5);
+  }
+};
+
+void steps(benchmark::State& bench, Order order, double stabilisation, double viscosity) {
+  omp_set_num_threads(static_cast<int>(bench.range(2)));
+  Plate plate(bench.range(0), 0.01 * static_cast<double>(bench.range(1)), order, stabilisation, viscosity);
+  const double dt = 0.3 * plate.solver->reference_stable_step();
+  constexpr std::uint64_t kSteps = 20;
+  for (auto _ : bench)
+    plate.solver->advance(plate.state, {}, kSteps * dt, kSteps, 0.0, [](double, const std::string&) {});
+  const double updates = static_cast<double>(bench.iterations()) * static_cast<double>(kSteps + 1) *
+                         static_cast<double>(plate.body.size());
+  bench.counters["particle-steps/s"] = benchmark::Counter(updates, benchmark::Counter::kIsRate);
+  bench.counters["neighbours"] =
+      static_cast<double>(plate.solver->pairs().pairs()) / static_cast<double>(plate.body.size());
+}
+
+void linear(benchmark::State& bench) {
+  steps(bench, Order::linear, 0, 0);
+}
+void quadratic_stabilised(benchmark::State& bench) {
+  steps(bench, Order::quadratic, 0.05, 0);
+}
+void linear_viscous(benchmark::State& bench) {
+  steps(bench, Order::linear, 0, 0.2);
+}
+
+void arguments(benchmark::internal::Benchmark* bench) {
+  for (const std::int64_t threads : {1, 2})
+    for (const std::int64_t ratio : {95, 130})
+      for (const std::int64_t columns : {80, 148}) bench->Args({columns, ratio, threads});
+  bench->UseRealTime()->Unit(benchmark::kMillisecond);
+}
+BENCHMARK(linear)->Apply(arguments);
+BENCHMARK(quadratic_stabilised)->Apply(arguments);
+BENCHMARK(linear_viscous)->Apply(arguments);
+
+// What the memory of this machine gives: y = y + a x, 24 bytes per element.
+void memory_bandwidth(benchmark::State& bench) {
+  omp_set_num_threads(static_cast<int>(bench.range(0)));
+  const std::int64_t n = 20'000'000;
+  std::vector<double> x(static_cast<std::size_t>(n), 1.0), y(static_cast<std::size_t>(n), 2.0);
+  double *px = x.data(), *py = y.data();
+  for (auto _ : bench) {
+#pragma omp parallel for schedule(static)
+    for (std::int64_t i = 0; i < n; ++i) py[i] += 0.5 * px[i];
+    benchmark::ClobberMemory();
+  }
+  bench.SetBytesProcessed(bench.iterations() * n * 24);
+}
+BENCHMARK(memory_bandwidth)->Arg(1)->Arg(2)->UseRealTime()->Unit(benchmark::kMillisecond);
+
+}  // namespace
