@@ -62,6 +62,7 @@ MoveCounts Flow::place(std::span<const double> positions, std::span<const double
       std::equal(velocities.begin(), velocities.end(), placed_.begin() + static_cast<std::ptrdiff_t>(size))) {
     return {};
   }
+  rules_applied_ = false;
   const bool first = placed_.empty();
   placed_.assign(positions.begin(), positions.end());
   placed_.insert(placed_.end(), velocities.begin(), velocities.end());
@@ -89,9 +90,19 @@ MoveCounts Flow::move_wet_surface(std::span<const double> positions, std::span<c
   return place(positions, velocities, velocity_scale, true);
 }
 
-void Flow::restore_wet_surface(std::span<const double> positions, std::span<const double> velocities,
-                               double velocity_scale) {
-  place(positions, velocities, velocity_scale, false);
+void Flow::copy_to(State& state) const {
+  const auto values = populations_.values();
+  state.populations.assign(values.begin(), values.end());
+  state.parity = populations_.parity();
+  state.rules_applied = rules_applied_;
+}
+
+void Flow::give_back(const State& state, std::span<const double> positions,
+                     std::span<const double> velocities, double velocity_scale) {
+  if (wet_) place(positions, velocities, velocity_scale, false);
+  std::copy(state.populations.begin(), state.populations.end(), populations_.values().begin());
+  populations_.set_parity(state.parity);
+  rules_applied_ = state.rules_applied;
 }
 
 void Flow::apply_rules(Parity parity) {
@@ -114,15 +125,18 @@ void Flow::run(std::size_t steps) {
 #pragma omp parallel num_threads(threads())
   for (std::size_t n = 0; n < steps; ++n) {
     const Parity parity = n % 2 == 0 ? start : other;
-    apply_rules(parity);
+    if (n > 0 || !rules_applied_) apply_rules(parity);
     step_(populations_, parity, cells_, settings_.rates);
   }
   populations_.set_parity(steps % 2 == 0 ? start : other);
+  if (steps > 0) rules_applied_ = false;
 }
 
 void Flow::apply_boundaries() {
+  if (rules_applied_) return;
 #pragma omp parallel num_threads(threads())
   apply_rules(populations_.parity());
+  rules_applied_ = true;
 }
 
 }  // namespace estuary::fluid

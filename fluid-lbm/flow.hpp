@@ -51,14 +51,21 @@ public:
   /// was.
   MoveCounts move_wet_surface(std::span<const double> positions, std::span<const double> velocities,
                               double velocity_scale);
-  /// Puts the wet surface where it was when populations now given back were copied: no node is given new
-  /// ones.
-  void restore_wet_surface(std::span<const double> positions, std::span<const double> velocities,
-                           double velocity_scale);
+  /// What the flow can be given back later: everything but the surfaces and the sides' values.
+  struct State {
+    std::vector<double> populations;
+    Parity parity = Parity::odd;
+    bool rules_applied = false;
+  };
+  void copy_to(State& state) const;
+  /// The wet surface has to be given as it was when the state was copied; no node is given new populations.
+  void give_back(const State& state, std::span<const double> positions, std::span<const double> velocities,
+                 double velocity_scale);
 
   /// Steps with fixed surfaces and sides.
   void run(std::size_t steps);
-  /// The boundary rules alone; afterwards fields, loads and forces can be read. May be repeated.
+  /// The boundary rules alone; afterwards fields, loads and forces can be read. The next step does not repeat
+  /// them, so looking at a flow does not change how it goes on.
   void apply_boundaries();
 
   [[nodiscard]] const Surface* wet_surface() const { return wet_ ? &*wet_ : nullptr; }
@@ -76,6 +83,7 @@ private:
   Populations populations_;
   Cells cells_;
   CollideAndStream step_;
+  bool rules_applied_ = false;  // since the last step or move
   std::optional<Surface> obstacles_;
   std::optional<Surface> wet_;
   SolidRows rows_;

@@ -81,8 +81,8 @@ v1::Exchange Fluid::start(const v1::Exchange& initial, const std::filesystem::pa
     set_equilibrium(flow_->populations(), fields, settings.equilibrium);
   }
   if (scene_.has_partner && scene_.mode == Mode::transient) {
-    copy_.emplace();
-    copy_->populations.resize(flow_->populations().values().size());
+    window_start_.emplace();
+    flow_->copy_to(*window_start_);
   }
   evaluate_fields();
   check_state();
@@ -161,15 +161,12 @@ void Fluid::move_inside_window(const Motion& end, double s, double duration) {
   move_surface(now);
 }
 
-void Fluid::go_back_to_window_start() {
-  std::copy(copy_->populations.begin(), copy_->populations.end(), flow_->populations().values().begin());
-  flow_->populations().set_parity(copy_->parity);
-  if (!flow_->wet_surface()) return;
+void Fluid::give_back(const Flow::State& state) {
   std::vector<double> positions(accepted_.displacement.size());
   for (std::size_t k = 0; k < positions.size(); ++k) {
     positions[k] = surface_.reference_positions(static_cast<int>(k)) + accepted_.displacement[k];
   }
-  flow_->restore_wet_surface(positions, accepted_.velocity, scene_.units.velocity_to_lattice());
+  flow_->give_back(state, positions, accepted_.velocity, scene_.units.velocity_to_lattice());
   wet_load_stale_ = true;
 }
 
@@ -196,12 +193,11 @@ void Fluid::advance_transient(const Window& window, const Motion& end, ProgressB
                                            window.duration, scene_.units.time_step));
   }
   if (window.iteration > 1) {
-    if (!copy_) throw BadInput("header.iteration", "no partner in the scene, so windows are not repeated");
-    go_back_to_window_start();
-  } else if (copy_) {
-    const auto values = flow_->populations().values();
-    std::copy(values.begin(), values.end(), copy_->populations.begin());
-    copy_->parity = flow_->populations().parity();
+    if (!window_start_)
+      throw BadInput("header.iteration", "no partner in the scene, so windows are not repeated");
+    give_back(*window_start_);
+  } else if (window_start_) {
+    flow_->copy_to(*window_start_);
   }
   if (!sides_constant_) evaluate_sides(scene_, window.time, flow_->sides());
   const auto steps = static_cast<std::size_t>(rounded);
@@ -394,9 +390,11 @@ void Fluid::accept() {
 
 void Fluid::save(const std::filesystem::path& file) {
   CheckpointWriter writer(file);
-  const Populations& populations = flow_->populations();
-  writer.add("populations", populations.values());
-  writer.add("parity", std::uint64_t{populations.parity() == Parity::odd});
+  Flow::State state;
+  flow_->copy_to(state);
+  writer.add("populations", state.populations);
+  writer.add("parity", std::uint64_t{state.parity == Parity::odd});
+  writer.add("rules applied", std::uint64_t{state.rules_applied});
   writer.add("steps", steps_);
   writer.add("updates", std::vector<double>{updates_});
   if (flow_->wet_surface()) {
@@ -415,8 +413,11 @@ void Fluid::save(const std::filesystem::path& file) {
 
 void Fluid::load(const std::filesystem::path& file) {
   const CheckpointReader reader(file);
-  reader.read("populations", flow_->populations().values());
-  flow_->populations().set_parity(reader.read_count("parity") == 1 ? Parity::odd : Parity::even);
+  Flow::State state;
+  flow_->copy_to(state);
+  reader.read("populations", state.populations);
+  state.parity = reader.read_count("parity") == 1 ? Parity::odd : Parity::even;
+  state.rules_applied = reader.read_count("rules applied") == 1;
   steps_ = reader.read_count("steps");
   updates_ = reader.read_all("updates").at(0);
   for (const SideName name : {left, right, bottom, top}) {
@@ -435,13 +436,8 @@ void Fluid::load(const std::filesystem::path& file) {
     reader.read("displacement", accepted_.displacement);
     reader.read("velocity", accepted_.velocity);
     latest_ = accepted_;
-    std::vector<double> positions(accepted_.displacement.size());
-    for (std::size_t k = 0; k < positions.size(); ++k) {
-      positions[k] = surface_.reference_positions(static_cast<int>(k)) + accepted_.displacement[k];
-    }
-    flow_->restore_wet_surface(positions, accepted_.velocity, scene_.units.velocity_to_lattice());
-    wet_load_stale_ = true;
   }
+  give_back(state);
   evaluate_fields();
   evaluate_loads();
 }

@@ -30,17 +30,11 @@ private:
     std::vector<double> displacement;
     std::vector<double> velocity;
   };
-  // The window's start, to go back to.
-  struct Copy {
-    std::vector<double> populations;
-    Parity parity = Parity::odd;
-  };
-
   void take_surface(const v1::Exchange& initial);
   [[nodiscard]] Motion motion_of(const v1::Exchange& inputs) const;
   void move_surface(const Motion& motion);
   void move_inside_window(const Motion& end, double fraction, double duration);
-  void go_back_to_window_start();
+  void give_back(const Flow::State& state);
 
   void advance_transient(const Window& window, const Motion& end, ProgressBoard& progress);
   double advance_steady(const Window& window, const Motion& end, ProgressBoard& progress);
@@ -66,7 +60,7 @@ private:
   v1::WetSurface surface_;
   Motion accepted_;  // at the window's start
   Motion latest_;    // at the end of the last advance
-  std::optional<Copy> copy_;
+  std::optional<Flow::State> window_start_;
   WetLoad wet_load_;
   bool wet_load_stale_ = true;
   Fields fields_;

@@ -22,6 +22,7 @@ void Links::clear() {
   candidates_.clear();
   places_.clear();
   rules_.clear();
+  first_of_node_.clear();
   counts_ = {};
 }
 
@@ -99,6 +100,7 @@ void Links::build(const Surface& surface, const Cells& cells, std::uint8_t reaso
     const Node node = candidate.node;
     candidate_of_[static_cast<std::size_t>(node.y) * static_cast<std::size_t>(grid_.nx) +
                   static_cast<std::size_t>(node.x)] = -1;
+    first_of_node_.push_back(rules_.size());
     for (int i = 1; i < D2Q9::count; ++i) {
       const auto& c = D2Q9::velocity[static_cast<std::size_t>(i)];
       const bool into_solid = (cells.state(node.x + c[0], node.y + c[1]) & reason) != 0;
@@ -106,6 +108,7 @@ void Links::build(const Surface& surface, const Cells& cells, std::uint8_t reaso
         add(candidate, i, surface, cells, layout);
     }
   }
+  first_of_node_.push_back(rules_.size());
   counts_.links = rules_.size();
 }
 
@@ -144,15 +147,14 @@ void Links::add(const Candidate& candidate, int i, const Surface& surface, const
         place.q < 0.5 ? layout.incoming(parity, i, node) : layout.post_collision(parity, o, node);
   }
   const double along_wall = -(c[0] * place.velocity_x + c[1] * place.velocity_y);  // c_in . u_wall
-  const double added = 6.0 * D2Q9::weight[direction] * along_wall;
+  rule.wall = 6.0 * D2Q9::weight[direction] * along_wall;
   if (place.q < 0.5) {
     rule.weight_leaving = 2 * place.q;
     rule.weight_second = 1 - 2 * place.q;
-    rule.wall = added;
   } else {
     rule.weight_leaving = 1 / (2 * place.q);
     rule.weight_second = 1 - rule.weight_leaving;
-    rule.wall = added * rule.weight_leaving;
+    rule.wall_weight = rule.weight_leaving;
   }
   places_.push_back(place);
   rules_.push_back(rule);
@@ -161,18 +163,27 @@ void Links::add(const Candidate& candidate, int i, const Surface& surface, const
 void Links::reflect(Populations& populations, Parity parity, bool compressible) const {
   const std::size_t k = index_of(parity);
   double* const f = populations.data();
+  const std::size_t groups = first_of_node_.empty() ? 0 : first_of_node_.size() - 1;
 #pragma omp for schedule(static)
-  for (std::size_t n = 0; n < rules_.size(); ++n) {
-    const Rule& rule = rules_[n];
-    double wall = rule.wall;
-    if (compressible && wall != 0) {
-      const std::ptrdiff_t node = populations.node(places_[n].node.x, places_[n].node.y);
-      double excess = 0;
-      for (int i = 0; i < D2Q9::count; ++i) excess += f[populations.post_collision(parity, i, node)];
-      wall *= 1 + excess;
+  for (std::size_t group = 0; group < groups; ++group) {
+    const std::size_t begin = first_of_node_[group];
+    const std::size_t end = first_of_node_[group + 1];
+    if (begin == end) continue;
+    const std::ptrdiff_t node = populations.node(places_[begin].node.x, places_[begin].node.y);
+    double density = 1;
+    if (compressible) {
+      for (int i = 0; i < D2Q9::count; ++i) density += f[populations.post_collision(parity, i, node)];
     }
-    f[rule.incoming[k]] =
-        rule.weight_leaving * f[rule.leaving[k]] + rule.weight_second * f[rule.second[k]] + wall;
+    double gained = 0;
+    for (std::size_t n = begin; n < end; ++n) {
+      const Rule& rule = rules_[n];
+      const double leaving = f[rule.leaving[k]];
+      const double incoming = rule.weight_leaving * leaving + rule.weight_second * f[rule.second[k]] +
+                              rule.wall * rule.wall_weight * density;
+      gained += incoming - leaving - rule.wall * density;
+      f[rule.incoming[k]] = incoming;
+    }
+    f[populations.slot(0, node)] -= gained;
   }
 }
 

@@ -188,6 +188,31 @@ TEST(Surface, TorqueOnATurningDisc) {
   EXPECT_GT(std::log2(coarse / finest) / 2, 1.5);
 }
 
+TEST(Surface, LinksKeepTheMass) {
+  for (const EquilibriumModel model : {EquilibriumModel::incompressible, EquilibriumModel::compressible}) {
+    auto settings = box(30, 22, 0.03, all_periodic);
+    settings.equilibrium = model;
+    Flow flow(settings);
+    const Outline body = disc(13.3, 10.2, 5.4, 37);
+    std::vector<double> turning;
+    for (std::size_t k = 0; k < body.nodes(); ++k) {
+      turning.insert(turning.end(),
+                     {-0.005 * (body.positions[2 * k + 1] - 10.2), 0.005 * (body.positions[2 * k] - 13.3)});
+    }
+    flow.set_wet_surface(body.nodes(), body.connectivity);
+    flow.move_wet_surface(body.positions, body.at_rest(), 1.0);
+    start(flow, uneven_fields(30, 22, 0.05));
+    const double before = sum_fields(fields_of(flow), flow.cells(), flow.sides()).excess;
+    flow.run(300);
+    EXPECT_NEAR(sum_fields(fields_of(flow), flow.cells(), flow.sides()).excess, before, 1e-12);
+    if (model == EquilibriumModel::compressible)
+      continue;  // a turning outline of chords draws a little mass in and out
+    flow.move_wet_surface(body.positions, turning, 1.0);
+    flow.run(300);
+    EXPECT_NEAR(sum_fields(fields_of(flow), flow.cells(), flow.sides()).excess, before, 2e-3);
+  }
+}
+
 // A disc that sets off with speed u in fluid at rest, and a disc at rest in fluid that sets off with -u.
 TEST(Surface, MovingBodyFeelsTheForceOfThePassingFluid) {
   constexpr double speed = 0.04;
@@ -235,8 +260,8 @@ TEST(Surface, MovingBodyFeelsTheForceOfThePassingFluid) {
   RecordProperty("largest_difference", std::to_string(largest_difference));
   const Fields fields = fields_of(moving);
   EXPECT_FALSE(find_bad_node(fields, moving.cells()));
-  const double mass =
-      sum_fields(fields, moving.cells(), moving.sides()).excess + static_cast<double>(moving.cells().fluid_count());
+  const double mass = sum_fields(fields, moving.cells(), moving.sides()).excess +
+                      static_cast<double>(moving.cells().fluid_count());
   EXPECT_NEAR(mass / mass_before, 1.0, 2e-4);
 }
 
@@ -287,18 +312,15 @@ TEST(Surface, GivingBackTheStateRepeatsTheBits) {
     }
   };
   advance(33);
-  const auto values = flow.populations().values();
-  const std::vector<double> kept(values.begin(), values.end());
-  const Parity parity = flow.populations().parity();
+  Flow::State kept;
+  flow.copy_to(kept);
   const std::vector<double> kept_positions = positions;
   advance(40);
   flow.move_wet_surface(positions, velocity, 1.0);
   const Fields first = fields_of(flow);
-  std::copy(kept.begin(), kept.end(), flow.populations().values().begin());
-  flow.populations().set_parity(parity);
   std::vector<double> placed = kept_positions;  // the surface of the last step done before the copy
   for (std::size_t k = 0; k < body.nodes(); ++k) placed[2 * k] -= 0.06;
-  flow.restore_wet_surface(placed, velocity, 1.0);
+  flow.give_back(kept, placed, velocity, 1.0);
   positions = kept_positions;
   advance(40);
   flow.move_wet_surface(positions, velocity, 1.0);
