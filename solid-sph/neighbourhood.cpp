@@ -29,7 +29,7 @@ ReferenceSearch::ReferenceSearch(const Body& body, double cell)
 
 std::vector<ReferenceSearch::Found> ReferenceSearch::within(double x, double y, double radius) const {
   std::vector<Found> found;
-  const int images = period_ > 0 ? 1 : 0;
+  const int images = period_ > 0 ? static_cast<int>(radius / period_) + 1 : 0;
   const auto cell_of = [&](double value, int c) {
     return static_cast<std::int64_t>(std::floor((value - origin_[c]) / cell_));
   };
@@ -47,8 +47,9 @@ std::vector<ReferenceSearch::Found> ReferenceSearch::within(double x, double y, 
           if (ox * ox + oy * oy <= radius * radius) found.push_back({j, ox, oy});
         }
   }
-  std::sort(found.begin(), found.end(),
-            [](const Found& a, const Found& b) { return a.particle < b.particle; });
+  std::sort(found.begin(), found.end(), [](const Found& a, const Found& b) {
+    return a.particle != b.particle ? a.particle < b.particle : a.x < b.x;
+  });
   return found;
 }
 
@@ -73,8 +74,8 @@ Row gradient_row(const Body& body, const ReferenceSearch& search, std::size_t i,
     std::vector<Offset> offsets;
     std::vector<double> weights;
     for (const auto& found : search.within(body.position[2 * i], body.position[2 * i + 1], 2 * h)) {
-      if (found.particle == i) continue;
       const double r = std::hypot(found.x, found.y);
+      if (r < 1e-6 * scale) continue;  // the particle itself; its own images in a narrow periodic body count
       // Without V_j, which is the same for all but the half cells on a clamp: there it would tilt the stencil
       // of the next row and cost an order.
       const double weight = -cubic_spline_slope(r, h) / r;
@@ -121,7 +122,7 @@ Neighbourhood build_neighbourhood(const Body& body, const NeighbourhoodOptions& 
   std::vector<std::vector<Entry>> pairs(n);
   const auto entry = [&](std::size_t i, std::uint32_t j, double x, double y) -> Entry& {
     for (Entry& e : pairs[i])
-      if (e.neighbour == j) return e;
+      if (e.neighbour == j && std::abs(e.x - x) < 1e-6 * body.mean_spacing()) return e;
     return pairs[i].emplace_back(Entry{j, x, y, 0, 0, 0, 0});
   };
   Neighbourhood result;
@@ -141,8 +142,9 @@ Neighbourhood build_neighbourhood(const Body& body, const NeighbourhoodOptions& 
   result.gradient_sum.assign(2 * n, 0.0);
   if (options.spring_modulus > 0) result.spring_moment.assign(3 * n, 0.0);
   for (std::size_t i = 0; i < n; ++i) {
-    std::sort(pairs[i].begin(), pairs[i].end(),
-              [](const Entry& a, const Entry& b) { return a.neighbour < b.neighbour; });
+    std::sort(pairs[i].begin(), pairs[i].end(), [](const Entry& a, const Entry& b) {
+      return a.neighbour != b.neighbour ? a.neighbour < b.neighbour : a.x < b.x;
+    });
     for (const Entry& e : pairs[i]) {
       result.neighbour.push_back(e.neighbour);
       result.gradient.insert(result.gradient.end(), {e.gx, e.gy});

@@ -18,7 +18,8 @@
 
 namespace estuary::solid {
 
-/// Compressed rows: the pairs of particle i are first[i] .. first[i+1]-1. The pattern is symmetric.
+/// Compressed rows: the pairs of particle i are first[i] .. first[i+1]-1. The pattern is symmetric. In a
+/// narrow periodic body a pair of particles may occur more than once, with different images.
 struct Neighbourhood {
   std::vector<std::uint32_t> first;
   std::vector<std::uint32_t> neighbour;
@@ -55,7 +56,7 @@ public:
     double x = 0, y = 0;
   };
   ReferenceSearch(const Body& body, double cell);
-  /// In ascending particle order.
+  /// In ascending order of particle, then of x; every periodic image within the radius counts.
   [[nodiscard]] std::vector<Found> within(double x, double y, double radius) const;
 
 private:

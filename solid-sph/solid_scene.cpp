@@ -80,8 +80,6 @@ void read_box(SceneTable& solid, SolidScene& result) {
                   "makes more than five million particles; use a coarser spacing");
     return;
   }
-  if (result.box.periodic && count_columns(result.box)[0] < 10)
-    solid.problem("periodic", "needs at least 10 particles along x, so that no particle meets its own image");
   if (result.box.periodic && (result.box.clamped[0] || result.box.clamped[2]))
     solid.problem("clamped", "a side across the periodic direction cannot be clamped");
 }

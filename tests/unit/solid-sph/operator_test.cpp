@@ -129,6 +129,30 @@ TEST(Neighbourhood, PeriodicBodyIsTheSameEverywhereAlongX) {
                 1e-13);
 }
 
+TEST(Neighbourhood, NarrowPeriodicBodyActsAsAWideOne) {
+  std::vector<std::vector<double>> forces;
+  for (const double width : {0.1, 0.2, 2.0}) {  // 2, 4 and 40 particles
+    Box box = test::box_of(width, 0.3, 0.05);
+    box.periodic = true;
+    box.clamped[static_cast<std::size_t>(Side::top)] = true;
+    const auto made = test::assemble(box, {}, {.order = Order::quadratic, .stabilisation = 0.05});
+    std::vector<double> u(2 * made->body.size());
+    for (std::size_t i = 0; i < made->body.size(); ++i) {
+      u[2 * i] = 0.4 * std::sin(7 * made->body.position[2 * i + 1]);
+      u[2 * i + 1] = 0.02 * std::cos(9 * made->body.position[2 * i + 1]);
+    }
+    ASSERT_EQ(made->solver->evaluate(u), 0);
+    std::vector<double> profile;  // of the particles of the first column, upwards
+    for (std::size_t i = 0; i < made->body.size(); ++i)
+      if (made->body.position[2 * i] < 0.05)
+        for (std::size_t c = 0; c < 2; ++c) profile.push_back(made->solver->fields().force[2 * i + c] / 1e6);
+    forces.push_back(profile);
+  }
+  ASSERT_EQ(forces[0].size(), forces[2].size());
+  for (std::size_t k : {0u, 1u})
+    for (std::size_t c = 0; c < forces[2].size(); ++c) ASSERT_NEAR(forces[k][c], forces[2][c], 1e-13);
+}
+
 TEST(Body, EnergyVolumesIntegrateBendingExactly) {
   for (const int across : {3, 4, 5, 10}) {
     const Body body = fill(test::box_of(1.0, 0.1, 0.1 / across), 1, 0.95, true);
