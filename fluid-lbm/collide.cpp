@@ -3,24 +3,41 @@
 namespace estuary::fluid {
 namespace {
 
+// c_i . j without the products with zero and one, which strict arithmetic may not drop.
+template <class Lattice, std::size_t i>
+[[gnu::always_inline]] inline double momentum_along(const Moments& m) {
+  constexpr auto c = Lattice::velocity[i];
+  if constexpr (c[1] == 0) return c[0] > 0 ? m.momentum_x : -m.momentum_x;
+  if constexpr (c[0] == 0) return c[1] > 0 ? m.momentum_y : -m.momentum_y;
+  if constexpr (c[0] > 0) return c[1] > 0 ? m.momentum_x + m.momentum_y : m.momentum_x - m.momentum_y;
+  return c[1] > 0 ? m.momentum_y - m.momentum_x : -(m.momentum_x + m.momentum_y);
+}
+
+// Written for few operations: in cache the step is limited by arithmetic. Constants are gathered outside the
+// loop over nodes.
 struct Trt {
   static constexpr const char* name = "trt";
   template <class Lattice>
   [[gnu::always_inline]] static void relax(std::array<double, Lattice::count>& f, const Moments& m,
                                            double inverse, const Rates& rates) {
-    const double square = 1.5 * (m.momentum_x * m.momentum_x + m.momentum_y * m.momentum_y);
-    f[0] -= rates.even * (f[0] - Lattice::weight[0] * (m.excess - inverse * square));
+    const double half_even = 0.5 * rates.even;
+    const double half_odd = 0.5 * rates.odd;
+    const double kept = 1.0 - half_even - half_odd;  // of a population
+    const double exchanged = half_odd - half_even;   // of its opposite
+    const double square = m.momentum_x * m.momentum_x + m.momentum_y * m.momentum_y;
+    const double isotropic = rates.even * (m.excess - inverse * (1.5 * square));
+    f[0] = (1.0 - rates.even) * f[0] + Lattice::weight[0] * isotropic;
     unrolled<static_cast<int>(Lattice::half.size())>([&](auto index) __attribute__((always_inline)) {
       constexpr auto i = static_cast<std::size_t>(Lattice::half[static_cast<std::size_t>(index())]);
       constexpr auto o = static_cast<std::size_t>(Lattice::opposite[i]);
-      constexpr auto c = Lattice::velocity[i];
-      const double along = c[0] * m.momentum_x + c[1] * m.momentum_y;
-      const double even =
-          rates.even *
-          (0.5 * (f[i] + f[o]) - Lattice::weight[i] * (m.excess + inverse * (4.5 * along * along - square)));
-      const double odd = rates.odd * (0.5 * (f[i] - f[o]) - Lattice::weight[i] * 3.0 * along);
-      f[i] = f[i] - even - odd;
-      f[o] = f[o] - even + odd;
+      const double along = momentum_along<Lattice, i>(m);
+      const double even = Lattice::weight[i] * isotropic +
+                          (4.5 * Lattice::weight[i] * rates.even) * inverse * (along * along);
+      const double odd = (3.0 * Lattice::weight[i] * rates.odd) * along;
+      const double one = f[i];
+      const double other = f[o];
+      f[i] = kept * one + exchanged * other + (even + odd);
+      f[o] = kept * other + exchanged * one + (even - odd);
     });
   }
 };
