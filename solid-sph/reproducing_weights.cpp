@@ -71,25 +71,29 @@ Matrix quadratic_moments(std::span<const Offset> offsets, Order order) {
 }  // namespace
 
 std::vector<double> value_weights(std::span<const Offset> offsets, std::span<const double> weights,
-                                  Order order, bool along_line) {
-  Matrix exact(along_line ? 2 : 3, offsets.size());
-  Offset direction{1, 0};
-  if (along_line && offsets.size() > 1) {
-    direction = {offsets.back().x - offsets.front().x, offsets.back().y - offsets.front().y};
-  }
-  for (std::size_t j = 0; j < offsets.size(); ++j) {
-    exact(0, j) = 1;
-    if (along_line) {
-      exact(1, j) = offsets[j].x * direction.x + offsets[j].y * direction.y;
-    } else {
-      exact(1, j) = offsets[j].x;
-      exact(2, j) = offsets[j].y;
-    }
-  }
-  Matrix target = Matrix::Zero(exact.rows(), 1);
+                                  Curvature curvature, Offset tangent) {
+  Matrix exact(3, offsets.size());
+  for (std::size_t j = 0; j < offsets.size(); ++j) exact.col(j) << 1, offsets[j].x, offsets[j].y;
+  Matrix target = Matrix::Zero(3, 1);
   target(0, 0) = 1;
-  const Matrix desired = quadratic_moments(offsets, along_line ? Order::linear : order);
+  Matrix desired = quadratic_moments(offsets, curvature == Curvature::all ? Order::quadratic : Order::linear);
+  if (curvature == Curvature::tangential) {
+    desired.resize(1, offsets.size());
+    for (std::size_t j = 0; j < offsets.size(); ++j)
+      desired(0, j) = std::pow(offsets[j].x * tangent.x + offsets[j].y * tangent.y, 2);
+  }
   const Solution solution = solve(exact, target, desired, weights);
+  return {solution.weights.data(), solution.weights.data() + solution.weights.rows()};
+}
+
+std::vector<double> value_weights_on_line(std::span<const Offset> offsets, std::span<const double> weights,
+                                          Offset tangent) {
+  Matrix exact(2, offsets.size());
+  for (std::size_t j = 0; j < offsets.size(); ++j)
+    exact.col(j) << 1, offsets[j].x * tangent.x + offsets[j].y * tangent.y;
+  Matrix target = Matrix::Zero(2, 1);
+  target(0, 0) = 1;
+  const Solution solution = solve(exact, target, quadratic_moments(offsets, Order::linear), weights);
   return {solution.weights.data(), solution.weights.data() + solution.weights.rows()};
 }
 

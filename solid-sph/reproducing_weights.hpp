@@ -21,10 +21,20 @@ struct Offset {
   double y = 0;
 };
 
+/// Which quadratic terms values are asked to reproduce, beyond every linear field.
+enum class Curvature {
+  all,
+  tangential,  // along `tangent` only
+  none
+};
+
 /// Weights a_j with sum_j a_j f_j = f(0). Throws std::domain_error when the points do not span the plane.
-/// With `along_line`, linear fields along the line the points lie on are reproduced instead.
 std::vector<double> value_weights(std::span<const Offset> offsets, std::span<const double> weights,
-                                  Order order, bool along_line = false);
+                                  Curvature curvature, Offset tangent = {});
+
+/// The same for points on a line through or beside 0: reproduces linear fields along `tangent`.
+std::vector<double> value_weights_on_line(std::span<const Offset> offsets, std::span<const double> weights,
+                                          Offset tangent);
 
 /// Weights g_j with sum_j (f_j - f(0)) g_j = grad f(0), per unit of the offsets. `complete` tells whether
 /// every quadratic term was resolved.

@@ -10,7 +10,7 @@
 namespace estuary::solid {
 namespace {
 
-// Neighbourhood of a contour node in spacings: reaches the third row below a side, as quadratic weights need.
+// Neighbourhood of a point in spacings: reaches the third row below a side.
 constexpr double kReach = 2.7;
 constexpr std::array kWidening{1.0, 1.3, 1.7, 2.3};
 
@@ -47,52 +47,61 @@ struct Entry {
   double weight;
 };
 
-std::vector<Entry> point_row(const Body& body, const ReferenceSearch& search, double x, double y,
-                             std::uint8_t held) {
+// How a point takes part in a transfer.
+struct Place {
+  double x = 0, y = 0;
+  std::uint8_t held = 0;  // as in ContourLine
+  Curvature curvature = Curvature::all;
+  Offset tangent{};
+};
+
+std::vector<Entry> point_row(const Body& body, const ReferenceSearch& search, const Place& place) {
   const double d = body.mean_spacing();
-  const bool vertical = held == 1 || held == 3;  // the clamped side the node lies on
-  const double nearest_row = held == 0                       ? 0
-                             : body.box.clamp == Clamp::line ? 0
-                             : vertical                      ? 0.5 * body.spacing[0]
-                                                             : 0.5 * body.spacing[1];
+  const bool vertical = place.held == 1 || place.held == 3;  // the clamped side the node lies on
+  const double row_distance =
+      body.box.clamp == Clamp::line ? 0 : 0.5 * (vertical ? body.spacing[0] : body.spacing[1]);
   for (const double widening : kWidening) {
-    const double h = 0.5 * kReach * widening * d;
+    const double radius = kReach * widening * d;
     std::vector<Offset> offsets;
     std::vector<double> weights;
     std::vector<Entry> row;
-    for (const auto& found : search.within(x, y, 2 * h)) {
-      if (held != 0) {
+    for (const auto& found : search.within(place.x, place.y, radius)) {
+      if (place.held != 0) {
         // A node on a clamp moves with the clamp: only the fixed row along that side counts.
         const double across = std::abs(vertical ? found.x : found.y);
-        if (!body.fixed[found.particle] || std::abs(across - nearest_row) > 1e-6 * d) continue;
+        if (!body.fixed[found.particle] || std::abs(across - row_distance) > 1e-6 * d) continue;
       }
-      const double weight = body.volume[found.particle] * cubic_spline(std::hypot(found.x, found.y), h);
+      // A watched point follows the particles next to it; a contour node takes the weights of least norm.
+      const double weight = place.curvature == Curvature::all
+                                ? cubic_spline(std::hypot(found.x, found.y), 0.5 * radius) * d * d
+                                : 1.0;
       if (!(weight > 0)) continue;
       offsets.push_back({found.x / d, found.y / d});
       weights.push_back(weight);
       row.push_back({found.particle, 0});
     }
     try {
-      const std::vector<double> solved = value_weights(offsets, weights, Order::quadratic, held != 0);
+      const std::vector<double> solved =
+          place.held != 0 ? value_weights_on_line(offsets, weights, vertical ? Offset{0, 1} : Offset{1, 0})
+                          : value_weights(offsets, weights, place.curvature, place.tangent);
       for (std::size_t k = 0; k < row.size(); ++k) row[k].weight = solved[k];
       return row;
     } catch (const std::domain_error&) {
       if (widening == kWidening.back())
-        throw std::domain_error("point (" + std::to_string(x) + ", " + std::to_string(y) +
+        throw std::domain_error("point (" + std::to_string(place.x) + ", " + std::to_string(place.y) +
                                 "): too few particles near it");
     }
   }
   return {};
 }
 
-Transfer assemble(const Body& body, std::span<const double> points, std::span<const std::uint8_t> held) {
+Transfer assemble(const Body& body, std::span<const Place> places) {
   const ReferenceSearch search(body, kReach * body.mean_spacing());
   std::vector<std::vector<Entry>> rows;
   Transfer transfer;
   transfer.first.push_back(0);
-  for (std::size_t k = 0; k < points.size() / 2; ++k) {
-    rows.push_back(
-        point_row(body, search, points[2 * k], points[2 * k + 1], held.empty() ? std::uint8_t{0} : held[k]));
+  for (const Place& place : places) {
+    rows.push_back(point_row(body, search, place));
     for (const Entry& entry : rows.back()) transfer.touched.push_back(entry.particle);
   }
   auto& touched = transfer.touched;
@@ -146,11 +155,32 @@ ContourLine contour_line(const Body& body, std::span<const Side> sides) {
 }
 
 Transfer contour_transfer(const Body& body, const ContourLine& line) {
-  return assemble(body, line.position, line.held);
+  const std::size_t n = line.size();
+  std::vector<Place> places;
+  for (std::size_t k = 0; k < n; ++k) {
+    Place place{.x = line.position[2 * k], .y = line.position[2 * k + 1], .held = line.held[k]};
+    const bool has_both = line.closed || (k > 0 && k + 1 < n);
+    const std::size_t before = has_both ? (k + n - 1) % n : (k == 0 ? k : k - 1);
+    const std::size_t after = has_both ? (k + 1) % n : (k == 0 ? k + 1 : k);
+    const double x0 = place.x - line.position[2 * before], y0 = place.y - line.position[2 * before + 1];
+    const double x1 = line.position[2 * after] - place.x, y1 = line.position[2 * after + 1] - place.y;
+    const double length = std::hypot(x0 + x1, y0 + y1);
+    place.tangent = {(x0 + x1) / length, (y0 + y1) / length};
+    // At a corner there is no one tangent; nor does a line end there have particles on both sides, unless
+    // periodic.
+    const bool corner = std::abs(x0 * y1 - y0 * x1) > 1e-9 * length * length;
+    const bool end = !has_both && !body.box.periodic;
+    place.curvature = corner || end ? Curvature::none : Curvature::tangential;
+    places.push_back(place);
+  }
+  return assemble(body, places);
 }
 
 Transfer point_transfer(const Body& body, std::span<const double> points) {
-  return assemble(body, points, {});
+  std::vector<Place> places;
+  for (std::size_t k = 0; k < points.size() / 2; ++k)
+    places.push_back({.x = points[2 * k], .y = points[2 * k + 1]});
+  return assemble(body, places);
 }
 
 void interpolate(const Transfer& transfer, std::span<const double> particle_values,

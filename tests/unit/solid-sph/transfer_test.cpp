@@ -46,25 +46,68 @@ TEST(ContourLine, ClosesRoundAFreeBodyAndRefusesOppositeSides) {
   EXPECT_THROW(contour_line(body, opposite), std::invalid_argument);
 }
 
-TEST(Transfer, ReproducesLinearFieldsExactlyAndQuadraticOnesAwayFromTheClamp) {
-  const Body body = fin();
-  const ContourLine line = contour_line(body, kFinSides);
-  const Transfer transfer = contour_transfer(body, line);
-  std::vector<double> u(2 * body.size()), nodes(2 * line.size());
-  const auto field = [](double x, double y) {
-    return std::array<double, 2>{0.3 + 2 * x - y + 5 * x * y, 0.7 * y + 4 * y * y - 6 * x * x};
-  };
+template <class Field>
+std::vector<double> sampled(const Body& body, const Field& field) {
+  std::vector<double> u(2 * body.size());
   for (std::size_t i = 0; i < body.size(); ++i) {
-    const auto value = field(body.position[2 * i], body.position[2 * i + 1]);
+    const std::array<double, 2> value = field(body.position[2 * i], body.position[2 * i + 1]);
     u[2 * i] = value[0];
     u[2 * i + 1] = value[1];
   }
-  interpolate(transfer, u, nodes);
+  return u;
+}
+
+TEST(Transfer, ReproducesLinearFieldsEverywhereAndCurvatureAlongASide) {
+  const Body body = fin();
+  const ContourLine line = contour_line(body, kFinSides);
+  const Transfer transfer = contour_transfer(body, line);
+  const auto linear = [](double x, double y) {
+    return std::array<double, 2>{0.3 + 2 * x - y, 0.7 * y - 3 * x};
+  };
+  const auto bent = [](double, double y) { return std::array<double, 2>{2 * y * y, 1 - 4 * y * y}; };
+  std::vector<double> straight_nodes(2 * line.size()), bent_nodes(2 * line.size());
+  interpolate(transfer, sampled(body, linear), straight_nodes);
+  interpolate(transfer, sampled(body, bent), bent_nodes);
+  int on_sides = 0;
   for (std::size_t k = 0; k < line.size(); ++k) {
-    if (line.held[k]) continue;
-    const auto exact = field(line.position[2 * k], line.position[2 * k + 1]);
-    ASSERT_NEAR(nodes[2 * k], exact[0], 1e-12);
-    ASSERT_NEAR(nodes[2 * k + 1], exact[1], 1e-12);
+    const double x = line.position[2 * k], y = line.position[2 * k + 1];
+    for (std::size_t c = 0; c < 2; ++c) {
+      ASSERT_NEAR(straight_nodes[2 * k + c], linear(x, y)[c], 1e-12);
+      if (y > 0 && y < 0.25) {
+        ASSERT_NEAR(bent_nodes[2 * k + c], bent(x, y)[c], 1e-12);
+        ++on_sides;
+      }
+    }
+  }
+  EXPECT_GT(on_sides, 300);
+}
+
+TEST(Transfer, WatchedPointsReproduceQuadraticFields) {
+  const Body body = fin();
+  const std::vector<double> points{0.0125, 0.25, 0.0, 0.1, 0.011, 0.173, 0.025, 0.25};
+  const Transfer transfer = point_transfer(body, points);
+  const auto field = [](double x, double y) {
+    return std::array<double, 2>{0.3 + 2 * x - y + 5 * x * y, 0.7 * y + 4 * y * y - 6 * x * x};
+  };
+  std::vector<double> values(points.size());
+  interpolate(transfer, sampled(body, field), values);
+  for (std::size_t k = 0; k < points.size() / 2; ++k)
+    for (std::size_t c = 0; c < 2; ++c)
+      EXPECT_NEAR(values[2 * k + c], field(points[2 * k], points[2 * k + 1])[c], 1e-12);
+}
+
+TEST(Transfer, AForceOnANodeMeetsTheInertiaOfTheMaterialThere) {
+  const Body body = fin();
+  const ContourLine line = contour_line(body, kFinSides);
+  const Transfer transfer = contour_transfer(body, line);
+  for (std::size_t k = 0; k < line.size(); ++k) {
+    double squares = 0;  // inverse of the mass moved at first, in particles
+    for (std::size_t e = transfer.first[k]; e < transfer.first[k + 1]; ++e)
+      squares += std::pow(transfer.weight[e], 2);
+    const bool corner =
+        k == 0 || k + 1 == line.size() ||
+        (line.position[2 * k + 1] == 0.25 && (line.position[2 * k] == 0 || line.position[2 * k] == 0.025));
+    EXPECT_LT(squares, corner ? 2.5 : 1.2) << line.position[2 * k] << " " << line.position[2 * k + 1];
   }
 }
 
