@@ -48,6 +48,7 @@ void Flow::set_obstacles(std::size_t nodes, std::vector<std::uint32_t> connectiv
   for (int y = 0; y < grid().ny; ++y)
     cells_.set_solid(y, cell_obstacle, solid[static_cast<std::size_t>(y)], uncovered);
   obstacle_links_.build(*obstacles_, cells_, cell_obstacle, populations_);
+  obstacle_edges_.build(*obstacles_, cells_, populations_);
 }
 
 void Flow::set_wet_surface(std::size_t nodes, std::vector<std::uint32_t> connectivity) {
@@ -62,6 +63,10 @@ MoveCounts Flow::place(std::span<const double> positions, std::span<const double
       std::equal(velocities.begin(), velocities.end(), placed_.begin() + static_cast<std::ptrdiff_t>(size))) {
     return {};
   }
+  if (rules_applied_) {
+    wet_edges_.reopen(populations_, populations_.parity());
+    if (obstacles_) obstacle_edges_.reopen(populations_, populations_.parity());
+  }
   rules_applied_ = false;
   const bool first = placed_.empty();
   placed_.assign(positions.begin(), positions.end());
@@ -75,9 +80,11 @@ MoveCounts Flow::place(std::span<const double> positions, std::span<const double
   }
   counts.uncovered = uncovered.size();
   wet_links_.build(*wet_, cells_, cell_wet_solid, populations_);
+  wet_edges_.build(*wet_, cells_, populations_);
   // Links of obstacles look at the node behind, which the wet solid may have covered or left.
   if (obstacles_ && near(bounds_of(*wet_), obstacle_bounds_)) {
     obstacle_links_.build(*obstacles_, cells_, cell_obstacle, populations_);
+    obstacle_edges_.build(*obstacles_, cells_, populations_);
   }
   if (fill && !first) {
     counts.orphans = refill(populations_, cells_, std::move(uncovered), *wet_, settings_.equilibrium);
@@ -110,7 +117,17 @@ void Flow::apply_rules(Parity parity) {
   exchange_and_reflect(populations_, parity, settings_.sides);
   if (obstacles_) obstacle_links_.reflect(populations_, parity, compressible);
   if (wet_) wet_links_.reflect(populations_, parity, compressible);
+  if (obstacles_) obstacle_edges_.close(populations_, parity, compressible);
+  if (wet_) wet_edges_.close(populations_, parity, compressible);
   complete_open_sides(populations_, parity, cells_, settings_.sides, settings_.equilibrium);
+}
+
+Force Flow::wet_force() const {
+  return wet_links_.force(populations_) + wet_edges_.force();
+}
+
+Force Flow::obstacle_force() const {
+  return obstacle_links_.force(populations_) + obstacle_edges_.force();
 }
 
 // Threads meet several times in a step; on few nodes that would take longer than the nodes themselves.

@@ -7,6 +7,7 @@
 
 #include "cells.hpp"
 #include "collide.hpp"
+#include "edge_links.hpp"
 #include "fields.hpp"
 #include "links.hpp"
 #include "populations.hpp"
@@ -70,6 +71,9 @@ public:
 
   [[nodiscard]] const Surface* wet_surface() const { return wet_ ? &*wet_ : nullptr; }
   [[nodiscard]] const Surface* obstacles() const { return obstacles_ ? &*obstacles_ : nullptr; }
+  /// Momentum exchange on the surfaces, after `apply_boundaries`.
+  [[nodiscard]] Force wet_force() const;
+  [[nodiscard]] Force obstacle_force() const;
   [[nodiscard]] const Links& wet_links() const { return wet_links_; }
   [[nodiscard]] const Links& obstacle_links() const { return obstacle_links_; }
 
@@ -89,6 +93,8 @@ private:
   SolidRows rows_;
   Links obstacle_links_;
   Links wet_links_;
+  EdgeLinks obstacle_edges_;
+  EdgeLinks wet_edges_;
   std::vector<double> placed_;           // positions and velocities as last given
   std::vector<double> obstacle_bounds_;  // left, bottom, right, top in lattice coordinates
 };

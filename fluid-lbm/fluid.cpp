@@ -361,7 +361,7 @@ AdvanceResult Fluid::result() {
     if (scene_.viscous_traction) {
       for (const double t : traction_) field.add_viscous_traction(t * stress);
     }
-    force = flow_->wet_links().force(flow_->populations());
+    force = flow_->wet_force();
     const Grid& grid = flow_->grid();
     const double fx = force.x * scene_.units.force();
     const double fy = force.y * scene_.units.force();
@@ -370,7 +370,7 @@ AdvanceResult Fluid::result() {
         force.moment * scene_.units.force() * grid.spacing + grid.x0 * fy - grid.y0 * fx;
   }
   if (flow_->obstacles()) {
-    const Force fixed = flow_->obstacle_links().force(flow_->populations());
+    const Force fixed = flow_->obstacle_force();
     force.x += fixed.x;
     force.y += fixed.y;
   }

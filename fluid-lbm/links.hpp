@@ -31,6 +31,9 @@ struct Force {
   double x = 0;
   double y = 0;
   double moment = 0;
+  friend Force operator+(const Force& a, const Force& b) {
+    return {a.x + b.x, a.y + b.y, a.moment + b.moment};
+  }
 };
 
 struct LinkCounts {

@@ -1,0 +1,85 @@
+#include "edge_links.hpp"
+
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <numbers>
+
+#include "flow_cases.hpp"
+
+namespace estuary::fluid {
+namespace {
+
+// A channel 24 nodes high with a fin on its floor, 2.5 nodes thick.
+double drag_of_fin(double height) {
+  FlowSettings settings = cases::box(81, 24, 0.3, cases::channel);
+  settings.sides[left].velocity_x.assign(24, 0.02);
+  settings.sides[left].velocity_y.assign(24, 0.0);
+  settings.sides[right].excess.assign(24, 0.0);
+  Flow flow(settings);
+  const double foot = -0.5;
+  flow.set_obstacles(4, {0, 1, 1, 2, 2, 3, 3, 0},
+                     std::vector<double>{30.2, foot, 30.2, foot + height, 32.7, foot + height, 32.7, foot});
+  flow.run(6000);
+  flow.apply_boundaries();
+  return flow.obstacle_force().x;
+}
+
+TEST(EdgeLinks, DragOfAFinGrowsSmoothlyWhileItsTipPassesANode) {
+  // Nodes lie at heights 11.5 and 12.5 above the floor.
+  std::vector<double> drag;
+  for (double height = 11.4; height < 12.65; height += 0.1) drag.push_back(drag_of_fin(height));
+  const double mean_growth = (drag.back() - drag.front()) / static_cast<double>(drag.size() - 1);
+  EXPECT_GT(mean_growth, 0);
+  for (std::size_t i = 1; i < drag.size(); ++i) {
+    // Without closing, the drag stays nearly the same and then grows by ten times the mean at once.
+    EXPECT_LT(drag[i] - drag[i - 1], 3 * mean_growth)
+        << "from height " << 11.4 + 0.1 * static_cast<double>(i - 1);
+    EXPECT_GT(drag[i] - drag[i - 1], -0.5 * mean_growth);
+  }
+}
+
+TEST(EdgeLinks, SmoothOutlinesHaveNone) {
+  const Grid grid{40, 40, 1.0, 0.0, 0.0, false, false};
+  std::vector<std::uint32_t> connectivity;
+  std::vector<double> positions;
+  constexpr std::uint32_t nodes = 60;
+  for (std::uint32_t i = 0; i < nodes; ++i) {
+    const double angle = -2 * std::numbers::pi * i / nodes;
+    positions.push_back(20 + 8 * std::cos(angle));
+    positions.push_back(20 + 8 * std::sin(angle));
+    connectivity.insert(connectivity.end(), {i, (i + 1) % nodes});
+  }
+  Surface surface(grid, nodes, connectivity);
+  surface.place(positions, std::vector<double>(2 * nodes, 0.0), 0.0);
+  EdgeLinks links;
+  links.build(surface, Cells(grid), Populations(40, 40));
+  EXPECT_EQ(links.count(), 0U);
+}
+
+// At an edge of a plate in uniform motion nothing may be disturbed: fluid and body move together.
+TEST(EdgeLinks, KeepUniformMotion) {
+  FlowSettings settings = cases::box(40, 40, 0.1, cases::all_periodic);
+  Flow flow(settings);
+  Fields fields;
+  fields.velocity_x.assign(1600, 0.03);
+  fields.velocity_y.assign(1600, -0.02);
+  fields.excess.assign(1600, 0.0);
+  set_equilibrium(flow.populations(), fields, settings.equilibrium);
+  flow.set_wet_surface(4, {0, 1, 1, 2, 2, 3, 3, 0});
+  const std::vector<double> positions{10.3, 10.1, 10.3, 20.6, 13.1, 20.6, 13.1, 10.1};
+  const std::vector<double> velocities{0.03, -0.02, 0.03, -0.02, 0.03, -0.02, 0.03, -0.02};
+  flow.move_wet_surface(positions, velocities, 1.0);
+  flow.run(200);
+  const Fields after = cases::fields_of(flow);
+  for (int y = 0; y < 40; ++y) {
+    for (int x = 0; x < 40; ++x) {
+      if (!flow.cells().fluid(x, y)) continue;
+      EXPECT_NEAR(after.velocity_x[cases::at(flow, x, y)], 0.03, 1e-12);
+      EXPECT_NEAR(after.velocity_y[cases::at(flow, x, y)], -0.02, 1e-12);
+    }
+  }
+}
+
+}  // namespace
+}  // namespace estuary::fluid
