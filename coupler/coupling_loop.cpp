@@ -88,7 +88,9 @@ CouplingLoop::CouplingLoop(const CouplingScene& scene, Participants& participant
       bar_(bar),
       fluid_(participants.find("fluid")),
       solid_(participants.find("solid")),
-      acceleration_(make_acceleration(scene.acceleration, scene.relaxation)) {}
+      acceleration_(make_acceleration({.kind = scene.acceleration,
+                                       .relaxation = scene.relaxation,
+                                       .windows_reused = static_cast<std::size_t>(scene.windows_reused)})) {}
 
 double CouplingLoop::window_start() const {
   return scene_.mode == CouplingMode::steady ? 0.0

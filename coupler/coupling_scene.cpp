@@ -85,14 +85,16 @@ void read_coupling(SceneTable coupling, CouplingScene& result) {
     coupling.problem("scheme",
                      "steady mode iterates to the common equilibrium and needs \"serial-implicit\"");
   }
-  constexpr std::array<std::string_view, 3> accelerations = {"aitken", "constant", "none"};
+  constexpr std::array<std::string_view, 4> accelerations = {"aitken", "constant", "iqn-ils", "none"};
   const std::string acceleration = coupling.choice("acceleration", accelerations);
   result.acceleration = acceleration == "none"       ? AccelerationKind::none
                         : acceleration == "constant" ? AccelerationKind::constant
+                        : acceleration == "iqn-ils"  ? AccelerationKind::iqn_ils
                                                      : AccelerationKind::aitken;
   constexpr std::array<std::string_view, 2> predictors = {"linear", "none"};
   result.predictor = coupling.choice("predictor", predictors) == "none" ? Predictor::none : Predictor::linear;
   result.relaxation = coupling.number_or("relaxation", 0.5, {.minimum = 1e-6, .maximum = 2.0});
+  result.windows_reused = static_cast<int>(coupling.integer_or("time_windows_reused", 8, 0, 1000));
   result.tolerance = coupling.number_or("tolerance", 1e-4, {.minimum = 1e-14, .maximum = 1.0});
   if (coupling.has("force_tolerance")) {
     result.force_tolerance = coupling.number("force_tolerance", {.minimum = 1e-14, .maximum = 1.0});

@@ -12,7 +12,7 @@ namespace estuary::coupler {
 
 enum class CouplingMode { steady, transient };
 enum class Scheme { serial_explicit, serial_implicit };
-enum class AccelerationKind { none, constant, aitken };
+enum class AccelerationKind { none, constant, aitken, iqn_ils };
 enum class AtMaximum { fail, go_on };
 enum class Predictor { none, linear };
 
@@ -54,6 +54,7 @@ struct CouplingScene {
   Predictor predictor = Predictor::linear;
   AtMaximum at_maximum = AtMaximum::fail;
   double relaxation = 0.5;
+  int windows_reused = 8;                 // iqn-ils: windows whose columns are kept
   double tolerance = 1e-4;                // relative L2 norm of the displacement increment
   std::optional<double> force_tolerance;  // the same for the nodal forces
   int max_iterations = 50;

@@ -90,6 +90,7 @@ std::string coupling_text(const CouplingScene& coupling) {
   if (coupling.scheme == Scheme::serial_explicit) return text + ", serial-explicit";
   const char* acceleration = coupling.acceleration == AccelerationKind::none       ? "no acceleration"
                              : coupling.acceleration == AccelerationKind::constant ? "constant relaxation"
+                             : coupling.acceleration == AccelerationKind::iqn_ils  ? "IQN-ILS from"
                                                                                    : "Aitken relaxation from";
   text += fmt::format(", serial-implicit, {}", acceleration);
   if (coupling.acceleration != AccelerationKind::none) text += fmt::format(" {:g}", coupling.relaxation);

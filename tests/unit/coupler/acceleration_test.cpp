@@ -82,5 +82,40 @@ TEST(AitkenRelaxation, StartsAWindowWithNoMoreThanTheInitialFactor) {
   EXPECT_DOUBLE_EQ(x[0], 0.2);
 }
 
+TEST(InterfaceQuasiNewton, SolvesALinearProblemInAsManyUpdatesAsItHasModes) {
+  InterfaceQuasiNewton quasi_newton(0.3, 0, 100, 1e-10);
+  EXPECT_LE(updates_until_converged(quasi_newton, {-28.0, -0.6, 0.4}), 6);
+}
+
+TEST(InterfaceQuasiNewton, ReusesWhatEarlierWindowsLearnt) {
+  InterfaceQuasiNewton quasi_newton(0.3, 4, 100, 1e-10);
+  const int first = updates_until_converged(quasi_newton, {-28.0, -0.6, 0.4, 0.1});
+  quasi_newton.begin_window();
+  EXPECT_LT(updates_until_converged(quasi_newton, {-28.0, -0.6, 0.4, 0.1}), first - 1);
+}
+
+TEST(InterfaceQuasiNewton, ForgetsWindowsBeyondThoseReused) {
+  InterfaceQuasiNewton quasi_newton(0.3, 1);
+  std::vector<double> x = {0.0, 0.0};
+  for (int window = 0; window < 4; ++window) {
+    quasi_newton.begin_window();
+    quasi_newton.update(std::vector<double>{1.0, 0.1}, x);
+    quasi_newton.update(std::vector<double>{0.4, 0.3}, x);
+    quasi_newton.update(std::vector<double>{0.1, 0.05}, x);
+    EXPECT_LE(quasi_newton.columns(), 4U);
+  }
+  EXPECT_EQ(quasi_newton.columns(), 4U);
+}
+
+TEST(InterfaceQuasiNewton, SurvivesZeroRepeatedAndDependentResiduals) {
+  InterfaceQuasiNewton quasi_newton(0.5, 2);
+  std::vector<double> x = {1.0, 2.0};
+  quasi_newton.update(std::vector<double>{0.0, 0.0}, x);
+  quasi_newton.update(std::vector<double>{0.0, 0.0}, x);
+  EXPECT_EQ(x, (std::vector<double>{1.0, 2.0}));
+  for (int i = 0; i < 5; ++i) quasi_newton.update(std::vector<double>{1.0 / (i + 1), 2.0 / (i + 1)}, x);
+  EXPECT_TRUE(std::isfinite(x[0]) && std::isfinite(x[1]));
+}
+
 }  // namespace
 }  // namespace estuary::coupler
