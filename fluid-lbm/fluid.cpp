@@ -309,6 +309,11 @@ void Fluid::evaluate_loads() {
   }
   wet_load_.evaluate(flow_->populations(), scene_.flow.equilibrium, scene_.flow.rates, pressure_,
                      scene_.viscous_traction ? &traction_ : nullptr);
+  if (scene_.match_force) {
+    const Grid& grid = flow_->grid();
+    match_total(*flow_->wet_surface(), flow_->wet_force(), !grid.periodic_x && !grid.periodic_y, pressure_,
+                traction_);
+  }
 }
 
 // Relative L2 change of the load since the last call.

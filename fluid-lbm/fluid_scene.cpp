@@ -215,6 +215,13 @@ void read_model(SceneTable& fluid, FluidScene& result) {
     fluid.problem("magic_parameter", "BGK has no magic parameter; use collision = \"trt\"");
   }
   result.viscous_traction = fluid.boolean_or("viscous_traction", true);
+  // Between two steps of a moving surface the force by momentum exchange is too noisy to steer the load.
+  const bool possible = result.viscous_traction && result.mode == Mode::steady;
+  result.match_force = fluid.boolean_or("match_force", possible);
+  if (result.match_force && !possible) {
+    fluid.problem("match_force",
+                  "the load can be matched to the total force only in steady mode and with viscous_traction");
+  }
 }
 
 double signed_area(const std::vector<double>& points) {

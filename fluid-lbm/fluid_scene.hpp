@@ -40,6 +40,7 @@ struct FluidScene {
   std::vector<double> obstacle_positions;    // of all obstacles [m]
   std::vector<std::uint32_t> obstacle_connectivity;
   bool viscous_traction = true;
+  bool match_force = false;  // complete the loads to the force by momentum exchange
   bool has_partner = false;  // the scene has other participants
   Mode mode = Mode::transient;
   double window = 0;    // [s]; 0 in steady mode

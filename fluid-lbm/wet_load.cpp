@@ -26,6 +26,21 @@ bool hides(const Segment& s, double px, double py, double qx, double qy) {
   return (side_p > 0) != (side_q > 0);
 }
 
+double distance_to(const Segment& s, double x, double y) {
+  const double tx = s.bx - s.ax;
+  const double ty = s.by - s.ay;
+  const double square = tx * tx + ty * ty;
+  const double r = square > 0 ? std::clamp(((x - s.ax) * tx + (y - s.ay) * ty) / square, 0.0, 1.0) : 0.0;
+  return std::hypot(x - s.ax - r * tx, y - s.ay - r * ty);
+}
+
+// From 0 at the surface to 1 one spacing away from it: a node that the surface covers has lost its say
+// before.
+double say_of(double clearance) {
+  const double t = std::min(clearance, 1.0);
+  return t * t * (3 - 2 * t);
+}
+
 }  // namespace
 
 void WetLoad::find_visible(const Surface& surface, const Cells& cells, std::uint32_t wet_node,
@@ -39,7 +54,6 @@ void WetLoad::find_visible(const Surface& surface, const Cells& cells, std::uint
   if (!(px > -radius && px < grid.nx + radius && py > -radius && py < grid.ny + radius)) return;
   near_.clear();
   for (const Segment& s : surface.segments()) {
-    if (s.a == wet_node || s.b == wet_node) continue;
     if (std::max(s.ax, s.bx) < px - radius || std::min(s.ax, s.bx) > px + radius) continue;
     if (std::max(s.ay, s.by) < py - radius || std::min(s.ay, s.by) > py + radius) continue;
     near_.push_back(&s);
@@ -53,10 +67,16 @@ void WetLoad::find_visible(const Surface& surface, const Cells& cells, std::uint
       const double dx = x - px;
       const double dy = y - py;
       const double fraction = (dx * dx + dy * dy) / (radius * radius);
-      if (fraction >= 1 || dx * normal_x + dy * normal_y <= 0) continue;
-      if (std::any_of(near_.begin(), near_.end(), [&](const Segment* s) { return hides(*s, px, py, x, y); }))
-        continue;
-      candidates_.push_back({node, dx, dy, (1 - fraction) * (1 - fraction)});
+      const double ahead = dx * normal_x + dy * normal_y;
+      if (fraction >= 1 || ahead <= 0) continue;
+      const auto hidden_by = [&](const Segment* s) {
+        return s->a != wet_node && s->b != wet_node && hides(*s, px, py, x, y);
+      };
+      if (std::any_of(near_.begin(), near_.end(), hidden_by)) continue;
+      double clearance = ahead;
+      for (const Segment* s : near_) clearance = std::min(clearance, distance_to(*s, x, y));
+      const double weight = (1 - fraction) * (1 - fraction) * say_of(clearance);
+      if (weight > 0) candidates_.push_back({node, dx, dy, weight});
     }
   }
 }
@@ -168,6 +188,59 @@ void WetLoad::evaluate(const Populations& populations, EquilibriumModel model, R
     if (traction == nullptr) continue;
     (*traction)[2 * n] = xx * normals_[2 * n] + xy * normals_[2 * n + 1];
     (*traction)[2 * n + 1] = xy * normals_[2 * n] + yy * normals_[2 * n + 1];
+  }
+}
+
+void match_total(const Surface& surface, const Force& force, bool match_moment,
+                 const std::vector<double>& pressure, std::vector<double>& traction) {
+  const auto& x = surface.positions();
+  const auto& connectivity = surface.connectivity();
+  double length = 0;
+  double centre_x = 0;
+  double centre_y = 0;
+  double missing_x = force.x;
+  double missing_y = force.y;
+  double missing_moment = force.moment;
+  for (std::size_t s = 0; s + 1 < connectivity.size(); s += 2) {
+    const std::size_t a = connectivity[s];
+    const std::size_t b = connectivity[s + 1];
+    const double tx = x[2 * b] - x[2 * a];
+    const double ty = x[2 * b + 1] - x[2 * a + 1];
+    const double segment = std::hypot(tx, ty);
+    length += segment;
+    centre_x += segment * 0.5 * (x[2 * a] + x[2 * b]);
+    centre_y += segment * 0.5 * (x[2 * a + 1] + x[2 * b + 1]);
+    // Load per segment at its ends: pressure against the normal (-ty, tx), and the traction.
+    const double ax = pressure[a] * ty + segment * traction[2 * a];
+    const double ay = -pressure[a] * tx + segment * traction[2 * a + 1];
+    const double bx = pressure[b] * ty + segment * traction[2 * b];
+    const double by = -pressure[b] * tx + segment * traction[2 * b + 1];
+    const double at_a_x = (2 * ax + bx) / 6;
+    const double at_a_y = (2 * ay + by) / 6;
+    const double at_b_x = (ax + 2 * bx) / 6;
+    const double at_b_y = (ay + 2 * by) / 6;
+    missing_x -= at_a_x + at_b_x;
+    missing_y -= at_a_y + at_b_y;
+    missing_moment -= x[2 * a] * at_a_y - x[2 * a + 1] * at_a_x + x[2 * b] * at_b_y - x[2 * b + 1] * at_b_x;
+  }
+  if (!(length > 0)) return;
+  centre_x /= length;
+  centre_y /= length;
+  double inertia = 0;
+  for (std::size_t s = 0; s + 1 < connectivity.size(); s += 2) {
+    const std::size_t a = connectivity[s];
+    const std::size_t b = connectivity[s + 1];
+    const double ax = x[2 * a] - centre_x;
+    const double ay = x[2 * a + 1] - centre_y;
+    const double bx = x[2 * b] - centre_x;
+    const double by = x[2 * b + 1] - centre_y;
+    inertia += std::hypot(bx - ax, by - ay) / 3 * (ax * ax + ay * ay + ax * bx + ay * by + bx * bx + by * by);
+  }
+  const double about_centre = missing_moment - centre_x * missing_y + centre_y * missing_x;
+  const double turning = match_moment && inertia > 0 ? about_centre / inertia : 0;
+  for (std::size_t n = 0; n < surface.node_count(); ++n) {
+    traction[2 * n] += missing_x / length - turning * (x[2 * n + 1] - centre_y);
+    traction[2 * n + 1] += missing_y / length + turning * (x[2 * n] - centre_x);
   }
 }
 

@@ -13,6 +13,7 @@
 
 #include "cells.hpp"
 #include "collide.hpp"
+#include "links.hpp"
 #include "populations.hpp"
 #include "surface.hpp"
 
@@ -58,5 +59,13 @@ private:
   std::vector<double> normals_;
   WetLoadCounts counts_;
 };
+
+/// Completes `traction` so that the consistent load of piecewise linear pressure and traction adds up to
+/// `force`, and to its moment when `match_moment` (not with periodic sides, where a moment has no meaning).
+/// What is missing, because pressure peaks at corners are narrower than a spacing, is added as the field of a
+/// rigid motion: the smoothest one with that force and moment. Lattice units, positions in lattice
+/// coordinates.
+void match_total(const Surface& surface, const Force& force, bool match_moment,
+                 const std::vector<double>& pressure, std::vector<double>& traction);
 
 }  // namespace estuary::fluid
