@@ -12,8 +12,10 @@ constexpr double largest_amplification = 6.0;
 // How far the nearest fluid node is looked for [spacings].
 constexpr int nearest_reach = 12;
 
-// Whether the open segment from p to q meets segment s.
+// Whether segment s crosses the way from p to q, other than at p itself: p lies on the surface, where
+// periodic images and parts of one straight side may touch it.
 bool hides(const Segment& s, double px, double py, double qx, double qy) {
+  constexpr double at_start = 1e-6;  // fraction of the way
   const double dx = qx - px;
   const double dy = qy - py;
   const double side_a = dx * (s.ay - py) - dy * (s.ax - px);
@@ -23,7 +25,8 @@ bool hides(const Segment& s, double px, double py, double qx, double qy) {
   const double ty = s.by - s.ay;
   const double side_p = tx * (py - s.ay) - ty * (px - s.ax);
   const double side_q = tx * (qy - s.ay) - ty * (qx - s.ax);
-  return (side_p > 0) != (side_q > 0);
+  if ((side_p > 0) == (side_q > 0)) return false;
+  return std::abs(side_p) > at_start * std::abs(side_p - side_q);
 }
 
 double distance_to(const Segment& s, double x, double y) {

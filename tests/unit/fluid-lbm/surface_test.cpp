@@ -106,6 +106,26 @@ TEST(Surface, FitOfThePressureIsExactForLinearFields) {
   }
 }
 
+// Where a line meets its own periodic image, rounding must not decide which fluid its end nodes see.
+TEST(Surface, PeriodicSeamSeesAllItsFluid) {
+  auto settings = box(4, 22, 0.1, walls_along_x);
+  for (const double shift : {0.0, 1e-16, 3e-16, -1e-16, 1e-9, -1e-9, 0.3, -2.7}) {
+    for (const double tilt : {0.0, 1e-16, -1e-16, 1e-12, -1e-12}) {
+      Flow flow(settings);
+      Outline layer = ceiling(4, 18.5, 4);
+      for (std::size_t n = 0; n < layer.nodes(); ++n) {
+        layer.positions[2 * n] += shift;
+        layer.positions[2 * n + 1] += n % 2 == 0 ? tilt : -tilt;
+      }
+      flow.set_wet_surface(layer.nodes(), layer.connectivity);
+      flow.move_wet_surface(layer.positions, layer.at_rest(), 1.0);
+      WetLoad load;
+      load.build(*flow.wet_surface(), flow.cells());
+      EXPECT_EQ(load.counts().linear, layer.nodes()) << shift << ' ' << tilt;
+    }
+  }
+}
+
 TEST(Surface, ForceIsTheMomentumTheFluidLoses) {
   auto settings = box(30, 22, 0.03, all_periodic);
   settings.equilibrium = EquilibriumModel::compressible;
