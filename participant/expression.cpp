@@ -3,6 +3,7 @@
 #include <fmt/format.h>
 #include <muParser.h>
 
+#include <mutex>
 #include <numbers>
 #include <stdexcept>
 #include <string_view>
@@ -48,6 +49,10 @@ Expression::Expression(const std::string& text) : parser_(std::make_unique<Parse
   if (const auto position = assignment_position(text); position != std::string_view::npos) {
     refuse(text, "'=' is no operation of an expression; compare with '=='", position);
   }
+  // All parsers share one std::locale, whose cache libstdc++ fills without a lock when it first reads a
+  // number.
+  static std::mutex reading;
+  const std::lock_guard one_at_a_time(reading);
   try {
     mu::Parser& muparser = parser_->muparser;
     muparser.DefineVar("x", &parser_->x);
