@@ -83,6 +83,8 @@ void InterfaceQuasiNewton::update(std::span<const double> residual, std::span<do
   last_answer_ = answer;
 
   // Modified Gram-Schmidt over the columns, newest first: what is left of a column decides whether it stays.
+  constexpr double round_off = 1e-11;
+  const double smallest = round_off * Eigen::Map<const Eigen::VectorXd>(answer.data(), size).norm();
   std::vector<Eigen::VectorXd> basis;
   std::vector<std::size_t> used;
   Eigen::MatrixXd triangle = Eigen::MatrixXd::Zero(static_cast<Eigen::Index>(residual_changes_.size()),
@@ -91,6 +93,7 @@ void InterfaceQuasiNewton::update(std::span<const double> residual, std::span<do
     if (basis.size() == most_columns_ || static_cast<Eigen::Index>(basis.size()) == size) break;
     Eigen::VectorXd rest = Eigen::Map<const Eigen::VectorXd>(residual_changes_[column].data(), size);
     const double norm = rest.norm();
+    if (!(norm > smallest)) continue;
     const auto next = static_cast<Eigen::Index>(basis.size());
     Eigen::VectorXd products = Eigen::VectorXd::Zero(next);
     // Twice is enough to be orthogonal to round-off.
@@ -101,8 +104,7 @@ void InterfaceQuasiNewton::update(std::span<const double> residual, std::span<do
         rest -= product * basis[static_cast<std::size_t>(k)];
       }
     }
-    if (!(rest.norm() > filter_limit_ * norm))
-      continue;  // also drops a zero column and one that is not finite
+    if (!(rest.norm() > filter_limit_ * norm)) continue;
     triangle.col(next).head(next) = products;
     triangle(next, next) = rest.norm();
     basis.push_back(rest / rest.norm());

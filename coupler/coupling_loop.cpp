@@ -19,6 +19,8 @@ using std::chrono::steady_clock;
 constexpr double absurd_displacement = 1e3;
 // A residual that grew this much over the window's first belongs to a diverging iteration.
 constexpr double diverging_growth = 1e6;
+// Velocities below this share of the largest so far need no relative accuracy: the surface is turning round.
+constexpr double slow_velocity = 1e-2;
 // Displacements below this share of the surface's size count as zero: nothing moves, and that is converged.
 constexpr double zero_displacement = 1e-14;
 
@@ -230,6 +232,7 @@ void CouplingLoop::compute_coupled() {
       accept();
       accepted_ = {copy(last_solid_.outputs().displacements().displacement()),
                    copy(last_solid_.outputs().displacements().velocity())};
+      largest_velocity_norm_ = std::max(largest_velocity_norm_, l2_norm(accepted_.velocity));
       if (scene_.mode == CouplingMode::transient) {
         record_watches(last_fluid_, window_end());
         record_watches(last_solid_, window_end());
@@ -298,6 +301,14 @@ CouplingLoop::Verdict CouplingLoop::iterate(Motion& motion, IterationRow& row) {
   const bool nothing_moves = norm <= zero_displacement * scale && increment <= zero_displacement * scale;
   row.displacement_norm = norm;
   row.residual = nothing_moves ? 0.0 : increment / std::max(norm, zero_displacement * scale);
+  if (scene_.mode == CouplingMode::transient) {
+    // A solid that takes one step per window answers with a displacement that does not depend on the new
+    // load: only its velocity tells whether fluid and solid agree.
+    const double velocity_norm = l2_norm(answer.velocity);
+    const double floor =
+        std::max(slow_velocity * largest_velocity_norm_, zero_displacement * scale / scene_.window);
+    row.velocity_residual = l2_distance(answer.velocity, motion.velocity) / std::max(velocity_norm, floor);
+  }
   if (scene_.force_tolerance) {
     const double force_norm = l2_norm(forces);
     row.force_residual = force_norm > 0 ? l2_distance(forces, forces_) / force_norm : 0.0;
@@ -321,8 +332,9 @@ CouplingLoop::Verdict CouplingLoop::iterate(Motion& motion, IterationRow& row) {
     return Verdict::diverged;
   }
   const bool displacement_agrees = row.residual < scene_.tolerance;
+  const bool velocity_agrees = !row.velocity_residual || *row.velocity_residual < scene_.velocity_tolerance;
   const bool force_agrees = !scene_.force_tolerance || *row.force_residual < *scene_.force_tolerance;
-  if (displacement_agrees && force_agrees) {
+  if (displacement_agrees && velocity_agrees && force_agrees) {
     row.relaxation = 0;
     return Verdict::converged;
   }

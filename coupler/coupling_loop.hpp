@@ -6,8 +6,8 @@
 //       loads   = fluid(x)              pressures and tractions at the wet nodes
 //       forces  = consistent nodal forces of the loads
 //       H(x)    = solid(forces)         displacement
-//       stop when |H(x) - x| < tolerance |H(x)|   (L2 over the wet nodes)
-//       x       = acceleration(x, H(x) - x)
+//       stop when |H(x) - x| < tolerance |H(x)|   (L2 over the wet nodes; in transient mode of the velocity,
+//       too) x       = acceleration(x, H(x) - x)
 //
 // In transient mode an iteration goes back to the window's start and x holds displacement and velocity at its
 // end; in steady mode each solver finds its equilibrium and there is one window.
@@ -73,6 +73,7 @@ private:
   std::uint64_t total_iterations_ = 0;
   std::uint64_t frame_ = 0;
   double first_residual_norm_ = 0;
+  double largest_velocity_norm_ = 0;  // of all accepted windows
 };
 
 }  // namespace estuary::coupler

@@ -96,6 +96,8 @@ void read_coupling(SceneTable coupling, CouplingScene& result) {
   result.relaxation = coupling.number_or("relaxation", 0.5, {.minimum = 1e-6, .maximum = 2.0});
   result.windows_reused = static_cast<int>(coupling.integer_or("time_windows_reused", 8, 0, 1000));
   result.tolerance = coupling.number_or("tolerance", 1e-4, {.minimum = 1e-14, .maximum = 1.0});
+  result.velocity_tolerance = coupling.number_or("velocity_tolerance", std::min(1.0, 10 * result.tolerance),
+                                                 {.minimum = 1e-14, .maximum = 1.0});
   if (coupling.has("force_tolerance")) {
     result.force_tolerance = coupling.number("force_tolerance", {.minimum = 1e-14, .maximum = 1.0});
   }

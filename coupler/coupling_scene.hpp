@@ -56,6 +56,7 @@ struct CouplingScene {
   double relaxation = 0.5;
   int windows_reused = 8;                 // iqn-ils: windows whose columns are kept
   double tolerance = 1e-4;                // relative L2 norm of the displacement increment
+  double velocity_tolerance = 1e-3;       // the same for the velocity, in transient mode
   std::optional<double> force_tolerance;  // the same for the nodal forces
   int max_iterations = 50;
   double window = 0;    // [s]; 0 in steady mode

@@ -49,7 +49,8 @@ std::string data_block(const Curve& curve, std::size_t number, bool logarithmic)
       const auto begin = curve.y.begin() + static_cast<std::ptrdiff_t>(piece * count / pieces);
       const auto end = curve.y.begin() + static_cast<std::ptrdiff_t>((piece + 1) * count / pieces);
       const auto [least, greatest] = std::minmax_element(begin, end);
-      const auto [first, second] = std::minmax(least - curve.y.begin(), greatest - curve.y.begin());
+      // From a list: of two temporaries minmax would give back references.
+      const auto [first, second] = std::minmax({least - curve.y.begin(), greatest - curve.y.begin()});
       write(static_cast<std::size_t>(first));
       if (second != first) write(static_cast<std::size_t>(second));
     }

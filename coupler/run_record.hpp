@@ -20,8 +20,9 @@ namespace estuary::coupler {
 struct IterationRow {
   std::uint64_t window = 0;
   std::uint64_t iteration = 0;
-  double time = 0;      // end of the window [s]
-  double residual = 0;  // |d_k - d_{k-1}|_2 / |d_k|_2
+  double time = 0;                          // end of the window [s]
+  double residual = 0;                      // |d_k - d_{k-1}|_2 / |d_k|_2
+  std::optional<double> velocity_residual;  // the same of the velocity, in transient mode
   std::optional<double> force_residual;
   double relaxation = 1;
   double displacement_norm = 0;         // |d_k|_2 over the wet nodes [m]

@@ -136,7 +136,9 @@ void Fluid::move_surface(const Motion& motion) {
   wet_load_stale_ = true;
 }
 
-// Cubic Hermite between the window's start and end, in displacement and velocity.
+// Position by cubic Hermite interpolation between the window's ends, so that it moves off and arrives with
+// their velocities; the wall's velocity linearly between them. The cubic's own derivative overshoots when
+// displacement and velocity of an iterate do not belong together, and feeds that back into the solid.
 void Fluid::move_inside_window(const Motion& end, double s, double duration) {
   if (s >= 1) {
     move_surface(end);
@@ -146,9 +148,6 @@ void Fluid::move_inside_window(const Motion& end, double s, double duration) {
   const double h10 = s * (1 - s) * (1 - s) * duration;
   const double h01 = s * s * (3 - 2 * s);
   const double h11 = s * s * (s - 1) * duration;
-  const double g00 = 6 * s * (s - 1) / duration;
-  const double g10 = (1 - s) * (1 - 3 * s);
-  const double g11 = s * (3 * s - 2);
   Motion now{std::vector<double>(end.displacement.size()), std::vector<double>(end.displacement.size())};
   for (std::size_t k = 0; k < end.displacement.size(); ++k) {
     const double d0 = accepted_.displacement[k];
@@ -156,7 +155,7 @@ void Fluid::move_inside_window(const Motion& end, double s, double duration) {
     const double v0 = accepted_.velocity[k];
     const double v1 = end.velocity[k];
     now.displacement[k] = h00 * d0 + h10 * v0 + h01 * d1 + h11 * v1;
-    now.velocity[k] = g00 * (d0 - d1) + g10 * v0 + g11 * v1;
+    now.velocity[k] = (1 - s) * v0 + s * v1;
   }
   move_surface(now);
 }

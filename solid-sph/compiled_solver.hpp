@@ -42,7 +42,8 @@ public:
     const Kick kick{.dt = dt,
                     .decay = 1 - 0.5 * damping * dt,
                     .gain = 1 / (1 + 0.5 * damping * dt),
-                    .gravity = loading.gravity};
+                    .gravity = loading.gravity,
+                    .held = loading.held};
     const double gravity_work_before = gravity_work(state, loading);
     const double start = state.time;
 
@@ -78,6 +79,7 @@ private:
   struct Kick {
     double dt, decay, gain;
     std::array<double, 2> gravity;
+    std::array<bool, 2> held;
   };
 
   // Both sweeps for a state on the way.
@@ -100,6 +102,7 @@ private:
       if (body_.fixed[i]) continue;
       const double inverse_mass = 1 / body_.mass[i];
       for (std::size_t c = 0; c < 2; ++c) {
+        if (kick.held[c]) continue;
         const double a = force[2 * i + c] * inverse_mass + kick.gravity[c];
         double velocity = v[2 * i + c];
         if constexpr (Ends) velocity = kick.gain * (velocity + half * a);

@@ -69,6 +69,7 @@ void Solid::build() {
 void Solid::build_loads() {
   loading_ = {};
   loading_.gravity = scene_.gravity;
+  loading_.held = scene_.held;
   ramps_.clear();
   line_ = {};
   surface_.Clear();
@@ -153,8 +154,17 @@ void Solid::take_forces(const v1::Exchange& inputs) {
   } else {
     std::fill(forces_.begin(), forces_.end(), 0.0);
   }
-  spread(transfer_, accepted_forces_, loading_.loads.front().start);
-  spread(transfer_, forces_, loading_.loads.front().end);
+  // The mean of the loads at both ends acts through the whole window. It makes the same impulse as a load
+  // that changes linearly, but on a body much softer than what pushes it (a closed fluid layer) it is the
+  // method of constant average acceleration, stable for any window, where the ramp is that of linear
+  // acceleration, which is not.
+  std::vector<double> mean(forces_.size());
+  const bool steady = scene_.mode == Mode::steady;
+  for (std::size_t k = 0; k < mean.size(); ++k)
+    mean[k] = steady ? forces_[k] : 0.5 * (accepted_forces_[k] + forces_[k]);
+  ParticleLoad& wet = loading_.loads.front();
+  spread(transfer_, mean, wet.end);
+  wet.start = wet.end;
 }
 
 std::uint64_t Solid::steps_for(double duration) {

@@ -125,6 +125,15 @@ void read_method(SceneTable& solid, SolidScene& result) {
 }
 
 void read_loads(SceneTable& solid, SolidScene& result) {
+  for (const std::string& word : solid.texts_or_empty("held")) {
+    if (word != "x" && word != "y") {
+      solid.problem("held", "only \"x\" and \"y\" can be held, not \"" + word + "\"");
+    } else if (result.mode == Mode::steady) {
+      solid.problem("held", "is available in transient mode only");
+    } else {
+      result.held[word == "x" ? 0 : 1] = true;
+    }
+  }
   if (solid.has("gravity")) {
     const auto gravity = solid.numbers("gravity", 2);
     if (gravity.size() == 2) result.gravity = {gravity[0], gravity[1]};

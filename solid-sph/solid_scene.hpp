@@ -40,6 +40,7 @@ struct SolidScene {
   double courant = 0.8;
   double damping = 0;
   std::array<double, 2> gravity{};
+  std::array<bool, 2> held{};  // components of the displacement that stay zero
   std::vector<Side> wet;
   std::vector<SideLoadScene> loads;
   std::vector<WatchScene> watches;

@@ -25,6 +25,7 @@ struct ParticleLoad {
 struct Loading {
   std::vector<ParticleLoad> loads;
   std::array<double, 2> gravity{};  // [m/s2]
+  std::array<bool, 2> held{};       // components of the displacement that stay zero, in `advance` only
 };
 
 /// The state left the range of the method; `particle` is the first one seen.
