@@ -56,32 +56,6 @@ ExitStatus status_of(v1::Error::Kind kind) {
 
 }  // namespace
 
-const char* phase_name(const v1::Request& request) {
-  switch (request.phase_case()) {
-    case v1::Request::kHello:
-      return "hello";
-    case v1::Request::kConfigure:
-      return "configure";
-    case v1::Request::kStart:
-      return "start";
-    case v1::Request::kAdvance:
-      return "advance";
-    case v1::Request::kAccept:
-      return "accept";
-    case v1::Request::kSave:
-      return "save";
-    case v1::Request::kLoad:
-      return "load";
-    case v1::Request::kFrame:
-      return "frame";
-    case v1::Request::kStop:
-      return "stop";
-    case v1::Request::PHASE_NOT_SET:
-      break;
-  }
-  return "nothing";
-}
-
 Participants::Participants(const CouplingScene& scene, const std::filesystem::path& folder,
                            const std::atomic<bool>& interrupt, WaitingObserver observer)
     : scene_(scene),

@@ -102,7 +102,4 @@ private:
   std::vector<std::unique_ptr<RemoteParticipant>> all_;
 };
 
-/// The name of the request's phase, for people.
-const char* phase_name(const v1::Request& request);
-
 }  // namespace estuary::coupler

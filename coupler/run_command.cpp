@@ -94,8 +94,16 @@ ExitStatus run_scene(const CheckedScene& scene, const std::filesystem::path& fol
     return std::chrono::duration<double>(steady_clock::now() - begin).count();
   };
   try {
+    if (std::filesystem::exists(folder) && !std::filesystem::is_directory(folder)) {
+      throw std::runtime_error(fmt::format("{} is a file; give another folder with --out", folder.string()));
+    }
     prepare_folder(folder, scene);
     start_log(folder);
+  } catch (const std::exception& error) {
+    fmt::print(stderr, "coupler: {}\n", error.what());
+    return ExitStatus::wrong_scene;
+  }
+  try {
     RunRecord record(folder, scene.coupling);
     ProgressBar bar(scene.coupling);
     std::unique_ptr<Participants> participants;
@@ -155,7 +163,7 @@ ExitStatus run_scene(const CheckedScene& scene, const std::filesystem::path& fol
     }
     return status;
   } catch (const std::exception& error) {
-    // The run's own folder cannot be written: nothing can be kept.
+    // The run's own folder can no longer be written: nothing more can be kept.
     fmt::print(stderr, "coupler: {}\n", error.what());
     return ExitStatus::participant_lost;
   }

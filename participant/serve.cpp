@@ -30,32 +30,6 @@ void on_signal(int /*signal*/) {
   terminate_requested = true;
 }
 
-const char* phase_name(const v1::Request& request) {
-  switch (request.phase_case()) {
-    case v1::Request::kHello:
-      return "hello";
-    case v1::Request::kConfigure:
-      return "configure";
-    case v1::Request::kStart:
-      return "start";
-    case v1::Request::kAdvance:
-      return "advance";
-    case v1::Request::kAccept:
-      return "accept";
-    case v1::Request::kSave:
-      return "save";
-    case v1::Request::kLoad:
-      return "load";
-    case v1::Request::kFrame:
-      return "frame";
-    case v1::Request::kStop:
-      return "stop";
-    case v1::Request::PHASE_NOT_SET:
-      break;
-  }
-  return "nothing";
-}
-
 // Where the two threads meet: requests go to the computing thread, replies come back.
 class Mailbox {
 public:

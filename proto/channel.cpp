@@ -71,6 +71,32 @@ bool is_local(const std::string& endpoint) {
   return host == "localhost" || host == "[::1]" || host.starts_with("127.");
 }
 
+const char* phase_name(const v1::Request& request) {
+  switch (request.phase_case()) {
+    case v1::Request::kHello:
+      return "hello";
+    case v1::Request::kConfigure:
+      return "configure";
+    case v1::Request::kStart:
+      return "start";
+    case v1::Request::kAdvance:
+      return "advance";
+    case v1::Request::kAccept:
+      return "accept";
+    case v1::Request::kSave:
+      return "save";
+    case v1::Request::kLoad:
+      return "load";
+    case v1::Request::kFrame:
+      return "frame";
+    case v1::Request::kStop:
+      return "stop";
+    case v1::Request::PHASE_NOT_SET:
+      break;
+  }
+  return "nothing";
+}
+
 struct ClientChannel::Socket {
   zmq::socket_t socket{context(), zmq::socket_type::dealer};
 };

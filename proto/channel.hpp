@@ -30,6 +30,9 @@ struct ChannelError : std::runtime_error {
 /// True for ipc:// and for tcp:// on 127.0.0.0/8, ::1 or localhost.
 [[nodiscard]] bool is_local(const std::string& endpoint);
 
+/// The name of the request's phase, for people.
+[[nodiscard]] const char* phase_name(const v1::Request& request);
+
 /// The coupler's end of the channel to one participant. One thread only.
 class ClientChannel {
 public:
