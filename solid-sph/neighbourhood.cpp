@@ -130,12 +130,14 @@ Neighbourhood build_neighbourhood(const Body& body, const NeighbourhoodOptions& 
     if (!rows[i].complete) ++result.incomplete;
     for (std::size_t k = 0; k < rows[i].found.size(); ++k) {
       const auto& found = rows[i].found[k];
+      const auto& gradient = rows[i].gradient[k];
       Entry& forward = entry(i, found.particle, found.x, found.y);
-      forward.gx = rows[i].gradient[k][0];
-      forward.gy = rows[i].gradient[k][1];
+      forward.gx = gradient[0];
+      forward.gy = gradient[1];
+      // A particle may meet its own image: the second entry then moves the first in memory.
       Entry& backward = entry(found.particle, static_cast<std::uint32_t>(i), -found.x, -found.y);
-      backward.rx = forward.gx;
-      backward.ry = forward.gy;
+      backward.rx = gradient[0];
+      backward.ry = gradient[1];
     }
   }
   result.first.push_back(0);
