@@ -12,6 +12,7 @@
 #include <thread>
 
 #include "child_process.hpp"
+#include "temporary_folder.hpp"
 
 namespace {
 
@@ -43,14 +44,6 @@ int processes_with(const std::string& text) {
 
 class CoupledRun : public testing::Test {
 protected:
-  void SetUp() override {
-    const auto* info = testing::UnitTest::GetInstance()->current_test_info();
-    folder_ = std::filesystem::temp_directory_path() / (std::string("estuary-test-") + info->name());
-    std::filesystem::remove_all(folder_);
-    std::filesystem::create_directories(folder_);
-  }
-  void TearDown() override { std::filesystem::remove_all(folder_); }
-
   std::filesystem::path write_scene(const std::string& fluid, const std::string& solid,
                                     const std::string& coupling, const std::string& rest = {}) const {
     const auto path = folder_ / "scene.toml";
@@ -69,7 +62,8 @@ protected:
   }
   nlohmann::json summary() const { return nlohmann::json::parse(read(folder_ / "out" / "summary.json")); }
 
-  std::filesystem::path folder_;
+  estuary::TemporaryFolder temporary_;
+  std::filesystem::path folder_ = temporary_.path();
 };
 
 TEST_F(CoupledRun, SteadyFindsTheFixedPointAndChecksIt) {
@@ -175,15 +169,7 @@ TEST_F(CoupledRun, ACrashEndsTheRunWithinTwoSeconds) {
 }
 
 // Kills or stops a process from outside while the fluid computes.
-class Killed : public CoupledRun, public testing::WithParamInterface<std::tuple<std::string, int>> {
-protected:
-  void SetUp() override {
-    folder_ = std::filesystem::temp_directory_path() /
-              ("estuary-kill-" + std::get<0>(GetParam()) + std::to_string(std::get<1>(GetParam())));
-    std::filesystem::remove_all(folder_);
-    std::filesystem::create_directories(folder_);
-  }
-};
+class Killed : public CoupledRun, public testing::WithParamInterface<std::tuple<std::string, int>> {};
 
 TEST_P(Killed, EndsTheRunWithinTwoSecondsAndLeavesNothingBehind) {
   const auto& [victim, signal_number] = GetParam();

@@ -3,8 +3,9 @@
 #include <gtest/gtest.h>
 
 #include <cmath>
-#include <filesystem>
 #include <numbers>
+
+#include "temporary_folder.hpp"
 
 namespace estuary::coupler {
 namespace {
@@ -42,15 +43,12 @@ TEST(FitHarmonic, NeedsAWholePeriod) {
 class Checks : public testing::Test {
 protected:
   void SetUp() override {
-    folder_ = std::filesystem::temp_directory_path() / "estuary-checks-test";
-    std::filesystem::create_directories(folder_);
     scene_.watches.push_back(
         {.name = "tip", .participant = "solid", .angular_frequency = {}, .from_time = 0});
   }
-  void TearDown() override { std::filesystem::remove_all(folder_); }
   CheckResult evaluate(CheckScene check) {
     scene_.checks = {std::move(check)};
-    RunRecord record(folder_, scene_);
+    RunRecord record(folder_.path(), scene_);
     for (const double value : {1.0, 4.0, 2.0}) {
       v1::WatchSample sample;
       sample.set_name("tip");
@@ -63,7 +61,7 @@ protected:
     record.add(row);
     return evaluate_checks(scene_, record, {.wall_s = 3.0, .total_iterations = 7}).front();
   }
-  std::filesystem::path folder_;
+  estuary::TemporaryFolder folder_;
   CouplingScene scene_;
 };
 

@@ -2,30 +2,18 @@
 #pragma once
 
 #include <cmath>
-#include <cstdlib>
 #include <filesystem>
 #include <fstream>
-#include <stdexcept>
 #include <string>
 #include <vector>
 
 #include "field_file.hpp"
+#include "temporary_folder.hpp"
 
 namespace estuary::coupler::testing {
 
 class SampleRun {
 public:
-  SampleRun() {
-    std::string pattern = (std::filesystem::temp_directory_path() / "estuary-report-XXXXXX").string();
-    if (mkdtemp(pattern.data()) == nullptr) throw std::runtime_error("no temporary folder");
-    folder_ = pattern;
-  }
-  SampleRun(const SampleRun&) = delete;
-  SampleRun& operator=(const SampleRun&) = delete;
-  ~SampleRun() {
-    std::error_code ignored;
-    std::filesystem::remove_all(folder_, ignored);
-  }
   [[nodiscard]] const std::filesystem::path& folder() const { return folder_; }
 
   void write(const std::string& name, const std::string& text) const {
@@ -104,7 +92,8 @@ public:
   }
 
 private:
-  std::filesystem::path folder_;
+  estuary::TemporaryFolder temporary_;
+  std::filesystem::path folder_ = temporary_.path();
 };
 
 }  // namespace estuary::coupler::testing

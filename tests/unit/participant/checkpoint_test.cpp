@@ -27,7 +27,7 @@ protected:
     writer.commit();
   }
 
-  testing::TemporaryFolder folder_;
+  estuary::TemporaryFolder folder_;
   std::filesystem::path file_ = folder_.path() / "solid.h5";
 };
 

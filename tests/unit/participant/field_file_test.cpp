@@ -53,7 +53,7 @@ protected:
     return names;
   }
 
-  testing::TemporaryFolder folder_;
+  estuary::TemporaryFolder folder_;
   std::filesystem::path file_ = folder_.path() / "frame.hdf";
   std::vector<double> six_ = std::vector<double>(6, 1.0);
 };

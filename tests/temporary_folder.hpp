@@ -6,7 +6,7 @@
 #include <stdexcept>
 #include <string>
 
-namespace estuary::testing {
+namespace estuary {
 
 class TemporaryFolder {
 public:
@@ -27,4 +27,4 @@ private:
   std::filesystem::path path_;
 };
 
-}  // namespace estuary::testing
+}  // namespace estuary
