@@ -110,10 +110,10 @@ Neighbourhood build_neighbourhood(const Body& body, const NeighbourhoodOptions& 
   const double widest = 2 * body.smoothing_length * kWidening.back();
   const ReferenceSearch search(body, widest);
   std::vector<Row> rows(n);
-  // A fixed row on a line has half the weight of the others; with the one-sided linear difference that makes
-  // the sums over rows obey summation by parts, and a wider one would not (Strand 1994).
+  // A row on a side has half the weight of the others; with the one-sided linear difference that makes the
+  // sums over rows obey summation by parts, and a wider one would not (Strand 1994).
   for (std::size_t i = 0; i < n; ++i)
-    rows[i] = gradient_row(body, search, i, body.fixed[i] ? Order::linear : options.order);
+    rows[i] = gradient_row(body, search, i, body.edge[i] || body.fixed[i] ? Order::linear : options.order);
 
   struct Entry {
     std::uint32_t neighbour;

@@ -9,53 +9,73 @@ namespace {
 struct Axis {
   double spacing = 0;
   std::vector<double> position, width, energy_width;
-  std::vector<std::uint8_t> fixed;
+  std::vector<std::uint8_t> fixed, edge;
 };
 
 // Weights of the rows in an integral across the axis: midpoint weights, changed at free ends so that
 // quadratic functions are integrated exactly between two of them, as the energy of bending asks for (end
-// corrections of the midpoint rule: Davis & Rabinowitz 1984, ch. 2.9). Ends at a clamp keep their weights.
-void correct_ends(Axis& axis, bool clamped_low, bool clamped_high) {
+// corrections of the midpoint rule: Davis & Rabinowitz 1984, ch. 2.9). Rows on a side keep their weights.
+void correct_ends(Axis& axis, bool keep_low, bool keep_high) {
   const std::size_t n = axis.position.size();
   if (n < 3) return;
   const auto rows = static_cast<double>(n);
-  const double share = clamped_low || clamped_high ? 1.0 / 24.0 : rows / (24.0 * (rows - 2));
+  const double share = keep_low || keep_high ? 1.0 / 24.0 : rows / (24.0 * (rows - 2));
   const auto correct = [&](std::size_t end, std::size_t next) {
     axis.energy_width[end] += share * axis.spacing;
     axis.energy_width[next] -= share * axis.spacing;
   };
-  if (!clamped_low) correct(0, 1);
-  if (!clamped_high) correct(n - 1, n - 2);
+  if (!keep_low) correct(0, 1);
+  if (!keep_high) correct(n - 1, n - 2);
 }
 
-Axis arrange(const Box& box, std::size_t axis, bool clamped_low, bool clamped_high, bool end_corrected) {
+// How one end of an axis is filled.
+struct End {
+  bool clamped = false;
+  bool half_row = false;   // a row of half cells exactly on the side
+  bool extra_row = false;  // a fixed row half a spacing outside
+};
+
+Axis arrange(const Box& box, std::size_t axis, End low, End high, bool end_corrected) {
   const double length = box.length(axis), from = box.from[axis];
-  const bool on_line = box.clamp == Clamp::line;
-  // Rows on a clamped line own half a cell only, the free rows share the rest in full cells.
-  const double half_cells =
-      on_line ? 0.5 * (static_cast<int>(clamped_low) + static_cast<int>(clamped_high)) : 0.0;
-  const double free_rows = std::max(1.0, std::round(length / box.spacing - half_cells));
+  const bool periodic = axis == 0 && box.periodic;
+  const double half_cells = 0.5 * (static_cast<int>(low.half_row) + static_cast<int>(high.half_row));
+  // Rows on a side own half a cell only, the others share the rest in full cells.
+  const double full_rows =
+      std::max(low.half_row && high.half_row ? 0.0 : 1.0, std::round(length / box.spacing - half_cells));
   Axis result;
-  result.spacing = length / (free_rows + half_cells);
-  const auto add = [&](double position, double width, bool fixed) {
+  result.spacing = length / (full_rows + half_cells);
+  const auto add = [&](double position, double width, bool fixed, bool edge) {
     result.position.push_back(position);
     result.width.push_back(width);
     result.fixed.push_back(fixed ? 1 : 0);
+    result.edge.push_back(edge ? 1 : 0);
   };
   const double d = result.spacing;
-  const double first = from + (clamped_low && on_line ? d : 0.5 * d);
-  if (clamped_low) add(on_line ? from : from - 0.5 * d, on_line ? 0.5 * d : d, true);
-  for (double i = 0; i < free_rows; ++i) add(first + i * d, d, false);
-  if (clamped_high) add(on_line ? box.to[axis] : box.to[axis] + 0.5 * d, on_line ? 0.5 * d : d, true);
+  // In a periodic body, too, the contour's nodes then coincide with particles.
+  const bool whole = low.half_row || (periodic && box.placement == Placement::on_contour);
+  if (low.extra_row) add(from - 0.5 * d, d, true, false);
+  if (low.half_row) add(from, 0.5 * d, low.clamped, true);
+  const double first = from + (low.half_row ? d : whole ? 0.0 : 0.5 * d);
+  for (double i = 0; i < full_rows; ++i) add(first + i * d, d, false, false);
+  if (high.half_row) add(box.to[axis], 0.5 * d, high.clamped, true);
+  if (high.extra_row) add(box.to[axis] + 0.5 * d, d, true, false);
   result.energy_width = result.width;
-  if (end_corrected && !(axis == 0 && box.periodic)) correct_ends(result, clamped_low, clamped_high);
+  if (end_corrected && !periodic)
+    correct_ends(result, low.clamped || low.half_row, high.clamped || high.half_row);
   return result;
 }
 
 Axis arrange(const Box& box, std::size_t axis, bool end_corrected) {
   const Side low = axis == 0 ? Side::left : Side::bottom, high = axis == 0 ? Side::right : Side::top;
-  return arrange(box, axis, box.clamped[static_cast<std::size_t>(low)],
-                 box.clamped[static_cast<std::size_t>(high)], end_corrected);
+  const auto end = [&](Side side) {
+    const bool clamped = box.clamped[static_cast<std::size_t>(side)];
+    const bool periodic = axis == 0 && box.periodic;
+    return End{
+        .clamped = clamped,
+        .half_row = clamped ? box.clamp == Clamp::line : box.placement == Placement::on_contour && !periodic,
+        .extra_row = clamped && box.clamp == Clamp::extra_rows};
+  };
+  return arrange(box, axis, end(low), end(high), end_corrected);
 }
 
 }  // namespace
@@ -66,6 +86,10 @@ double Body::mean_spacing() const {
 
 std::array<std::size_t, 2> count_columns(const Box& box) {
   return {arrange(box, 0, false).position.size(), arrange(box, 1, false).position.size()};
+}
+
+std::array<double, 2> actual_spacing(const Box& box) {
+  return {arrange(box, 0, false).spacing, arrange(box, 1, false).spacing};
 }
 
 Body fill(const Box& box, double density, double smoothing_ratio, bool end_corrected) {
@@ -81,6 +105,7 @@ Body fill(const Box& box, double density, double smoothing_ratio, bool end_corre
     body.energy_volume.push_back(x.energy_width[i] * y.energy_width[j]);
     body.mass.push_back(density * body.volume.back());
     body.fixed.push_back(x.fixed[i] | y.fixed[j]);
+    body.edge.push_back(x.edge[i] | y.edge[j]);
   };
   // Neighbours then lie close together in memory.
   if (box.length(0) >= box.length(1)) {

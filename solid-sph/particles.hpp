@@ -19,6 +19,12 @@ enum class Clamp {
   extra_rows  // full cells up to the side, and one more fixed row whose centres lie half a spacing outside
 };
 
+/// Where particles lie relative to a free side.
+enum class Placement {
+  on_contour,   // a row exactly on the side, of half the volume (a quarter at corners)
+  cell_centres  // the outermost centres half a spacing inside, as in the thesis
+};
+
 /// An axis-aligned box to be filled with particles. Lengths in m.
 struct Box {
   std::array<double, 2> from{};
@@ -26,6 +32,7 @@ struct Box {
   double spacing = 0;  // wished for; each direction takes the nearest one that fills the box
   std::array<bool, 4> clamped{};
   Clamp clamp = Clamp::line;
+  Placement placement = Placement::on_contour;
   bool periodic = false;  // in x
 
   [[nodiscard]] double length(std::size_t axis) const { return to[axis] - from[axis]; }
@@ -45,6 +52,7 @@ struct Body {
   std::vector<double> energy_volume;
   std::vector<double> mass;         // [kg/m]
   std::vector<std::uint8_t> fixed;  // 1 for particles of a clamp
+  std::vector<std::uint8_t> edge;   // 1 for particles whose cell is cut by the contour they lie on
 
   [[nodiscard]] std::size_t size() const { return volume.size(); }
   [[nodiscard]] double mean_spacing() const;
@@ -58,11 +66,13 @@ struct State {
   double external_work = 0;          // of surface loads and gravity since the start [J/m]
 };
 
-/// Particles at cell centres, the faster index along the thinner direction.
+/// Particles on a regular grid, the faster index along the thinner direction.
 Body fill(const Box& box, double density, double smoothing_ratio, bool end_corrected);
 State at_rest(const Body& body);
 
 /// Number of particles `fill` would make in x and y.
 std::array<std::size_t, 2> count_columns(const Box& box);
+/// Spacing `fill` would use in x and y [m].
+std::array<double, 2> actual_spacing(const Box& box);
 
 }  // namespace estuary::solid

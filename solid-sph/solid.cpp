@@ -154,17 +154,20 @@ void Solid::take_forces(const v1::Exchange& inputs) {
   } else {
     std::fill(forces_.begin(), forces_.end(), 0.0);
   }
-  // The mean of the loads at both ends acts through the whole window. It makes the same impulse as a load
-  // that changes linearly, but on a body much softer than what pushes it (a closed fluid layer) it is the
-  // method of constant average acceleration, stable for any window, where the ramp is that of linear
-  // acceleration, which is not.
-  std::vector<double> mean(forces_.size());
-  const bool steady = scene_.mode == Mode::steady;
-  for (std::size_t k = 0; k < mean.size(); ++k)
-    mean[k] = steady ? forces_[k] : 0.5 * (accepted_forces_[k] + forces_[k]);
+  // By default the mean of the loads at both ends acts through the whole window. It makes the same impulse as
+  // a load that changes linearly, but on a body much softer than what pushes it (a closed fluid layer) it is
+  // the method of constant average acceleration, stable for any window, where the ramp is that of linear
+  // acceleration, which is not. A partner that sends the mean of its own window wants it unchanged.
+  std::vector<double> start = forces_, end = forces_;
+  if (scene_.mode == Mode::transient && scene_.window_load != WindowLoad::received)
+    for (std::size_t k = 0; k < end.size(); ++k) {
+      const bool linear = scene_.window_load == WindowLoad::linear;
+      start[k] = linear ? accepted_forces_[k] : 0.5 * (accepted_forces_[k] + forces_[k]);
+      if (!linear) end[k] = start[k];
+    }
   ParticleLoad& wet = loading_.loads.front();
-  spread(transfer_, mean, wet.end);
-  wet.start = wet.end;
+  spread(transfer_, start, wet.start);
+  spread(transfer_, end, wet.end);
 }
 
 std::uint64_t Solid::steps_for(double duration) {

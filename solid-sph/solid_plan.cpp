@@ -25,13 +25,7 @@ Plan plan_of(const SolidScene& scene) {
   const Box& box = scene.box;
   const auto columns = count_columns(box);
   const double particles = static_cast<double>(columns[0]) * static_cast<double>(columns[1]);
-  const bool line = box.clamp == Clamp::line;
-  std::array<double, 2> spacing;
-  for (std::size_t axis = 0; axis < 2; ++axis) {
-    const double clamps = static_cast<double>(box.clamped[axis == 0 ? 0 : 1]) +
-                          static_cast<double>(box.clamped[axis == 0 ? 2 : 3]);
-    spacing[axis] = box.length(axis) / (static_cast<double>(columns[axis]) - clamps * (line ? 0.5 : 1.0));
-  }
+  const std::array<double, 2> spacing = actual_spacing(box);
   const double support = 2 * scene.smoothing_ratio * std::sqrt(spacing[0] * spacing[1]);
   const double neighbours = interior_neighbours(spacing, support);
   const double dt = scene.courant_step(spacing);
@@ -66,14 +60,13 @@ Plan plan_of(const SolidScene& scene) {
     plan.warnings.push_back(
         fmt::format("poisson_ratio = {} is close to incompressible: pressures oscillate and bending locks",
                     scene.poisson_ratio));
-  if (scene.order == Order::linear && across < 20)
+  if (scene.order == Order::linear && box.placement == Placement::cell_centres && across < 20)
     plan.warnings.push_back(
         fmt::format("correction = \"linear\" with {} particles across makes bending too soft "
                     "(about 5 % at 10); \"quadratic\" does not",
                     across));
-  if (scene.order == Order::quadratic && scene.stabilisation == 0)
-    plan.warnings.push_back(
-        "stabilisation = 0 with correction = \"quadratic\": sawtooth modes have no stiffness");
+  if (scene.stabilisation == 0 && (scene.order == Order::quadratic || box.placement == Placement::on_contour))
+    plan.warnings.emplace_back("stabilisation = 0: sawtooth modes have no stiffness");
   if (scene.mode == Mode::transient && scene.law != LawName::neo_hooke && scene.viscosity_linear == 0 &&
       scene.stabilisation == 0)
     plan.warnings.push_back(

@@ -59,6 +59,9 @@ void read_box(SceneTable& solid, SolidScene& result) {
     result.box.clamped[static_cast<std::size_t>(side)] = true;
   constexpr std::array<std::string_view, 2> clamps{"line", "extra_rows"};
   result.box.clamp = solid.choice("clamp", clamps) == "line" ? Clamp::line : Clamp::extra_rows;
+  constexpr std::array<std::string_view, 2> placements{"on_contour", "cell_centres"};
+  result.box.placement = solid.choice("placement", placements) == "cell_centres" ? Placement::cell_centres
+                                                                                 : Placement::on_contour;
   for (const std::string& word : solid.texts_or_empty("periodic")) {
     if (word != "x")
       solid.problem("periodic", "only [\"x\"] is possible, not \"" + word + "\"");
@@ -102,11 +105,18 @@ void read_material(SceneTable& solid, SolidScene& result) {
 }
 
 void read_method(SceneTable& solid, SolidScene& result) {
-  constexpr std::array<std::string_view, 2> corrections{"quadratic", "linear"};
-  result.order = solid.choice("correction", corrections) == "linear" ? Order::linear : Order::quadratic;
+  // With particles on the contour the linear correction is already exact where a quadratic one would be
+  // needed.
+  constexpr std::array<std::string_view, 2> corrections{"linear", "quadratic"};
+  const bool on_contour = result.box.placement == Placement::on_contour;
+  result.order =
+      solid.has("correction")
+          ? solid.choice("correction", corrections) == "quadratic" ? Order::quadratic : Order::linear
+      : on_contour ? Order::linear
+                   : Order::quadratic;
   result.smoothing_ratio = solid.number_or("smoothing_ratio", 0.95, {.minimum = 0.75, .maximum = 2.0});
-  result.stabilisation = solid.number_or("stabilisation", result.order == Order::quadratic ? 0.05 : 0.0,
-                                         {.minimum = 0.0, .maximum = 1.0});
+  const double stabilisation = on_contour ? 0.02 : result.order == Order::quadratic ? 0.05 : 0.0;
+  result.stabilisation = solid.number_or("stabilisation", stabilisation, {.minimum = 0.0, .maximum = 1.0});
   result.viscosity_linear = solid.number_or("viscosity_linear", 0.2, {.minimum = 0.0, .maximum = 10.0});
   result.viscosity_quadratic = solid.number_or("viscosity_quadratic", 0.4, {.minimum = 0.0, .maximum = 10.0});
   result.courant = solid.number_or("courant", 0.8, {.minimum = 1e-3, .maximum = 1.0});
@@ -134,6 +144,13 @@ void read_loads(SceneTable& solid, SolidScene& result) {
       result.held[word == "x" ? 0 : 1] = true;
     }
   }
+  if (solid.has("window_load") && result.mode == Mode::steady)
+    solid.problem("window_load", "has a meaning in transient mode only");
+  constexpr std::array<std::string_view, 3> window_loads{"mean", "linear", "received"};
+  const std::string window_load = solid.choice("window_load", window_loads);
+  result.window_load = window_load == "linear"     ? WindowLoad::linear
+                       : window_load == "received" ? WindowLoad::received
+                                                   : WindowLoad::mean;
   if (solid.has("gravity")) {
     const auto gravity = solid.numbers("gravity", 2);
     if (gravity.size() == 2) result.gravity = {gravity[0], gravity[1]};

@@ -25,6 +25,13 @@ struct WatchScene {
 
 enum class SteadyMethod { newton, relaxation };
 
+/// How the forces received on the wet surface act through a time window.
+enum class WindowLoad {
+  mean,     // the mean of the values at the window's start and end, constant
+  linear,   // from the value at the start to that at the end
+  received  // the value received, constant: for a partner that sends window means
+};
+
 struct SolidScene {
   Box box;
   double density = 0;
@@ -46,6 +53,7 @@ struct SolidScene {
   std::vector<WatchScene> watches;
   SteadyMethod method = SteadyMethod::newton;
   EquilibriumSettings steady;
+  WindowLoad window_load = WindowLoad::mean;
   Mode mode = Mode::steady;
   double window = 0;    // [s]
   double end_time = 0;  // [s]

@@ -60,6 +60,7 @@ std::vector<Entry> point_row(const Body& body, const ReferenceSearch& search, co
   const bool vertical = place.held == 1 || place.held == 3;  // the clamped side the node lies on
   const double row_distance =
       body.box.clamp == Clamp::line ? 0 : 0.5 * (vertical ? body.spacing[0] : body.spacing[1]);
+  for (const auto& found : search.within(place.x, place.y, 1e-6 * d)) return {{found.particle, 1.0}};
   for (const double widening : kWidening) {
     const double radius = kReach * widening * d;
     std::vector<Offset> offsets;
@@ -95,15 +96,62 @@ std::vector<Entry> point_row(const Body& body, const ReferenceSearch& search, co
   return {};
 }
 
-Transfer assemble(const Body& body, std::span<const Place> places) {
+using Rows = std::vector<std::vector<Entry>>;
+
+Rows point_rows(const Body& body, std::span<const Place> places) {
   const ReferenceSearch search(body, kReach * body.mean_spacing());
-  std::vector<std::vector<Entry>> rows;
+  Rows rows;
+  for (const Place& place : places) rows.push_back(point_row(body, search, place));
+  return rows;
+}
+
+// Combines the rows of neighbouring contour nodes so that a sawtooth along the contour, which the solid
+// carries with little stiffness and the other side cannot resolve, is neither seen nor loaded. On straight
+// stretches of even spacing cubic fields pass unchanged (the five-point filter of Shapiro 1970); next to
+// corners, ends and clamps linear ones do.
+Rows without_sawtooth(const Rows& rows, std::span<const Place> places, bool closed, bool periodic) {
+  const auto n = static_cast<std::ptrdiff_t>(rows.size());
+  const bool wraps = closed || periodic;
+  const std::ptrdiff_t period = periodic ? n - 1 : n;  // both ends of a periodic line are one node
+  const auto at = [&](std::ptrdiff_t k) {
+    return static_cast<std::size_t>(wraps ? (k + 2 * period) % period : k);
+  };
+  const auto smooth = [&](std::ptrdiff_t k) {
+    if (!wraps && (k <= 0 || k >= n - 1)) return false;
+    const Place& place = places[at(k)];
+    return place.held == 0 && place.curvature == Curvature::tangential;
+  };
+  Rows result;
+  for (std::ptrdiff_t k = 0; k < n; ++k) {
+    std::vector<double> share{1.0};
+    if (smooth(k)) {
+      if (smooth(k - 1) && smooth(k + 1))
+        share = {-0.0625, 0.25, 0.625, 0.25, -0.0625};
+      else
+        share = {0.25, 0.5, 0.25};
+    }
+    std::vector<Entry> row;
+    const auto reach = static_cast<std::ptrdiff_t>(share.size() / 2);
+    for (std::ptrdiff_t o = -reach; o <= reach; ++o)
+      for (const Entry& entry : rows[at(k + o)]) {
+        const double weight = share[static_cast<std::size_t>(o + reach)] * entry.weight;
+        const auto place = std::find_if(row.begin(), row.end(),
+                                        [&](const Entry& e) { return e.particle == entry.particle; });
+        if (place == row.end())
+          row.push_back({entry.particle, weight});
+        else
+          place->weight += weight;
+      }
+    result.push_back(std::move(row));
+  }
+  return result;
+}
+
+Transfer assemble(const Rows& rows) {
   Transfer transfer;
   transfer.first.push_back(0);
-  for (const Place& place : places) {
-    rows.push_back(point_row(body, search, place));
-    for (const Entry& entry : rows.back()) transfer.touched.push_back(entry.particle);
-  }
+  for (const auto& row : rows)
+    for (const Entry& entry : row) transfer.touched.push_back(entry.particle);
   auto& touched = transfer.touched;
   std::sort(touched.begin(), touched.end());
   touched.erase(std::unique(touched.begin(), touched.end()), touched.end());
@@ -173,14 +221,17 @@ Transfer contour_transfer(const Body& body, const ContourLine& line) {
     place.curvature = corner || end ? Curvature::none : Curvature::tangential;
     places.push_back(place);
   }
-  return assemble(body, places);
+  const Rows rows = point_rows(body, places);
+  return assemble(body.box.placement == Placement::on_contour
+                      ? without_sawtooth(rows, places, line.closed, body.box.periodic)
+                      : rows);
 }
 
 Transfer point_transfer(const Body& body, std::span<const double> points) {
   std::vector<Place> places;
   for (std::size_t k = 0; k < points.size() / 2; ++k)
     places.push_back({.x = points[2 * k], .y = points[2 * k + 1]});
-  return assemble(body, places);
+  return assemble(point_rows(body, places));
 }
 
 void interpolate(const Transfer& transfer, std::span<const double> particle_values,

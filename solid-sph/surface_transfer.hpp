@@ -1,9 +1,11 @@
-// Between the true contour of the body and its particles, whose centres lie half a spacing inside.
+// Between the true contour of the body and its particles.
 //
-// A contour node moves with sum_j w_j u_j, where the weights reproduce linear displacement fields exactly and
-// quadratic ones as far as the nearby particles allow (moving least squares). Forces on nodes go to particles
-// with the transposed weights: total force, moment in the current configuration and work are then the same on
-// both sides.
+// A contour node moves with sum_j w_j u_j. Where particles lie on the contour the node is one of them, and
+// along a straight side a five-point filter (Shapiro 1970) keeps sawtooth motion from the other side: it
+// neither sees nor loads it. Where they lie half a spacing inside, the weights reproduce linear displacement
+// fields exactly and quadratic ones as far as the nearby particles allow (moving least squares). Forces on
+// nodes go to particles with the transposed weights: total force, moment in the current configuration and
+// work are then the same on both sides.
 #pragma once
 
 #include <cstdint>

@@ -114,12 +114,11 @@ TEST(Trajectory, IsSecondOrderInTime) {
 // A standing shear wave of a layer clamped below and free above: u = sin(pi y / 2H) cos(w t), w = pi / (2H)
 // sqrt(G / rho), exact at any amplitude for the neo-Hookean law.
 double shear_wave_error(std::size_t rows, std::uint64_t steps) {
-  Box box = test::box_of(1.0, 1.0, 1.0 / (static_cast<double>(rows) + 0.5));
+  Box box = test::box_of(1.0, 1.0, 1.0 / static_cast<double>(rows));
   box.periodic = true;
   box.clamped[static_cast<std::size_t>(Side::bottom)] = true;
   const test::Material material{.density = 1.0, .young = 5.2, .poisson = 0.3};
-  const auto made = test::assemble(
-      box, material, {.order = Order::quadratic, .stabilisation = 0.05, .law = LawName::neo_hooke});
+  const auto made = test::assemble(box, material, {.stabilisation = 0.02, .law = LawName::neo_hooke});
   State state = at_rest(made->body);
   const double amplitude = 0.3, wave_number = 0.5 * std::numbers::pi,
                frequency = wave_number * std::sqrt(2.0);

@@ -90,7 +90,9 @@ TEST_P(Operator, ForcesHaveNoResultantAndNoMoment) {
 }
 
 TEST(Neighbourhood, QuadraticCorrectionIsExactForQuadraticFieldsUpToTheCorners) {
-  const auto made = test::assemble(test::box_of(1.0, 0.4, 0.05), {}, {.order = Order::quadratic});
+  Box box = test::box_of(1.0, 0.4, 0.05);
+  box.placement = Placement::cell_centres;
+  const auto made = test::assemble(box, {}, {.order = Order::quadratic});
   std::vector<double> u(2 * made->body.size());
   const auto& x = made->body.position;
   for (std::size_t i = 0; i < made->body.size(); ++i) {
@@ -155,7 +157,9 @@ TEST(Neighbourhood, NarrowPeriodicBodyActsAsAWideOne) {
 
 TEST(Body, EnergyVolumesIntegrateBendingExactly) {
   for (const int across : {3, 4, 5, 10}) {
-    const Body body = fill(test::box_of(1.0, 0.1, 0.1 / across), 1, 0.95, true);
+    Box box = test::box_of(1.0, 0.1, 0.1 / across);
+    box.placement = Placement::cell_centres;
+    const Body body = fill(box, 1, 0.95, true);
     double sum = 0;
     for (std::size_t i = 0; i < body.size(); ++i)
       sum += body.energy_volume[i] * std::pow(body.position[2 * i + 1] - 0.05, 2);
@@ -163,9 +167,44 @@ TEST(Body, EnergyVolumesIntegrateBendingExactly) {
   }
 }
 
+TEST(Body, RowsOnTheContourShareTheAreaExactly) {
+  const Body body = fill(test::box_of(1.0, 0.4, 0.1), 3.0, 0.95, false);
+  ASSERT_EQ(body.columns[0], 11u);
+  ASSERT_EQ(body.columns[1], 5u);
+  EXPECT_EQ(body.position[0], 0.0);
+  EXPECT_EQ(body.position[body.position.size() - 1], 0.4);
+  double volume = 0;
+  for (const double v : body.volume) volume += v;
+  EXPECT_NEAR(volume, 0.4, 1e-15);
+  EXPECT_NEAR(body.volume[0], 0.25 * body.volume[6], 1e-16);  // a corner
+  EXPECT_NEAR(body.volume[1], 0.5 * body.volume[6], 1e-16);
+}
+
+// Summation by parts: under one stress the particles of a straight side carry exactly their share of its
+// traction and the others nothing, so a load on the side meets no compliance but the material's.
+TEST(Operator, OneStressLoadsOnlyTheRowOnTheSide) {
+  for (const bool periodic : {false, true}) {
+    Box box = test::box_of(1.0, 0.6, 0.05);
+    box.periodic = periodic;
+    const auto made = test::assemble(box, {}, {.stabilisation = 0.02});
+    auto u = test::affine(made->body, {1.0, 0.2, 0, 1.1}, 0, 0);
+    ASSERT_EQ(made->solver->evaluate(u), 0);
+    const Tensor<double> p = made->solver->first_piola_kirchhoff_at(made->body.size() / 2);
+    const double dx = made->body.spacing[0];
+    for (std::size_t i = 0; i < made->body.size(); ++i) {
+      const double x = made->body.position[2 * i], y = made->body.position[2 * i + 1];
+      if (!periodic && (x < 2.5 * dx || x > 1 - 2.5 * dx)) continue;  // sides across and their corners
+      const double share = y < 1e-9 ? 1 : y > 0.6 - 1e-9 ? -1 : 0;
+      EXPECT_NEAR(made->solver->fields().force[2 * i], share * p.xy * dx, 1e-9) << x << " " << y;
+      EXPECT_NEAR(made->solver->fields().force[2 * i + 1], share * p.yy * dx, 1e-9) << x << " " << y;
+    }
+  }
+}
+
 TEST(Body, ClampedRowsLieWhereTheClampSays) {
   Box box = test::box_of(0.1, 1.0, 0.02);
   box.clamped[static_cast<std::size_t>(Side::bottom)] = true;
+  box.placement = Placement::cell_centres;
   const Body line = fill(box, 2.0, 0.95, false);
   EXPECT_EQ(line.position[1], 0.0);
   EXPECT_TRUE(line.fixed[0]);

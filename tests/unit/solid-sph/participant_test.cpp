@@ -115,7 +115,7 @@ double value_of(const AdvanceResult& result, const std::string& watch, const std
 
 TEST(Configure, PlansAGoodScene) {
   const Running run(steady_fin());
-  EXPECT_EQ(run.plan.variant, "2d-svk-plane-strain-quadratic-stabilised");
+  EXPECT_EQ(run.plan.variant, "2d-svk-plane-strain-linear-stabilised");
   EXPECT_TRUE(run.plan.warnings.empty()) << run.plan.warnings.front();
   EXPECT_FALSE(run.plan.left_out.empty());
   EXPECT_GT(run.plan.memory_bytes, 0);
