@@ -6,14 +6,18 @@ namespace estuary::fluid {
 
 Cells::Cells(const Grid& grid)
     : grid_(grid),
-      states_(static_cast<std::size_t>(grid.nx + 2) * static_cast<std::size_t>(grid.ny + 2), cell_outside),
-      rows_(static_cast<std::size_t>(grid.ny)),
-      obstacle_(static_cast<std::size_t>(grid.ny)),
-      wet_solid_(static_cast<std::size_t>(grid.ny)) {
-  for (int y = 0; y < grid.ny; ++y) {
-    for (int x = 0; x < grid.nx; ++x) set(x, y, cell_fluid);
-    rows_[static_cast<std::size_t>(y)] = {{0, grid.nx}};
+      states_(static_cast<std::size_t>(grid.nx + 2) * static_cast<std::size_t>(grid.ny + 2) *
+                  static_cast<std::size_t>(grid.nz > 0 ? grid.nz + 2 : 1),
+              cell_outside),
+      rows_(static_cast<std::size_t>(grid.rows())),
+      obstacle_(static_cast<std::size_t>(grid.rows())),
+      wet_solid_(static_cast<std::size_t>(grid.rows())) {
+  for (int z = 0; z < grid.layers(); ++z) {
+    for (int y = 0; y < grid.ny; ++y) {
+      for (int x = 0; x < grid.nx; ++x) set(x, y, z, cell_fluid);
+    }
   }
+  for (auto& row : rows_) row = {{0, grid.nx}};
 }
 
 std::size_t Cells::fluid_count() const {
@@ -24,18 +28,27 @@ std::size_t Cells::fluid_count() const {
   return count;
 }
 
-void Cells::set(int x, int y, std::uint8_t state) {
-  states_[place(x, y)] = state;
-  const int ghost_x = !grid_.periodic_x ? x : (x == 0 ? grid_.nx : (x == grid_.nx - 1 ? -1 : x));
-  const int ghost_y = !grid_.periodic_y ? y : (y == 0 ? grid_.ny : (y == grid_.ny - 1 ? -1 : y));
-  if (ghost_x != x) states_[place(ghost_x, y)] = state;
-  if (ghost_y != y) states_[place(x, ghost_y)] = state;
-  if (ghost_x != x && ghost_y != y) states_[place(ghost_x, ghost_y)] = state;
+void Cells::set(int x, int y, int z, std::uint8_t state) {
+  const auto image = [](bool periodic, int at, int count) {
+    return !periodic ? at : (at == 0 ? count : (at == count - 1 ? -1 : at));
+  };
+  const int image_x = image(grid_.periodic_x, x, grid_.nx);
+  const int image_y = image(grid_.periodic_y, y, grid_.ny);
+  const int image_z = image(grid_.periodic_z, z, grid_.nz);
+  for (const int k : {z, image_z}) {
+    for (const int j : {y, image_y}) {
+      states_[place(x, j, k)] = state;
+      states_[place(image_x, j, k)] = state;
+      if (image_z == z && image_y == y) return;
+    }
+  }
 }
 
-std::size_t Cells::set_solid(int y, std::uint8_t reason, const std::vector<Span>& solid,
+std::size_t Cells::set_solid(int row, std::uint8_t reason, const std::vector<Span>& solid,
                              std::vector<Node>& uncovered) {
-  auto& known = (reason == cell_obstacle ? obstacle_ : wet_solid_)[static_cast<std::size_t>(y)];
+  auto& known = (reason == cell_obstacle ? obstacle_ : wet_solid_)[static_cast<std::size_t>(row)];
+  const int y = row % grid_.ny;
+  const int z = row / grid_.ny;
   if (known == solid) return 0;
   std::size_t covered = 0;
   // Walks both lists of runs at once, from one change of either to the next, and touches only what differs.
@@ -57,25 +70,25 @@ std::size_t Cells::set_solid(int y, std::uint8_t reason, const std::vector<Span>
     const int next = std::min({grid_.nx, change(known, old_run), change(solid, new_run)});
     if (was != is) {
       for (; x < next; ++x) {
-        const std::uint8_t before = state(x, y);
+        const std::uint8_t before = state(x, y, z);
         const auto after = static_cast<std::uint8_t>(is ? before | reason : before & ~reason);
-        set(x, y, after);
+        set(x, y, z, after);
         if (before == cell_fluid) ++covered;
-        if (after == cell_fluid) uncovered.push_back({x, y});
+        if (after == cell_fluid) uncovered.push_back({x, y, z});
       }
     }
     x = next;
   }
   known = solid;
-  rebuild_row(y);
+  rebuild_row(row);
   return covered;
 }
 
-void Cells::rebuild_row(int y) {
-  auto& row = rows_[static_cast<std::size_t>(y)];
+void Cells::rebuild_row(int number) {
+  auto& row = rows_[static_cast<std::size_t>(number)];
   row.clear();
-  const auto& first = obstacle_[static_cast<std::size_t>(y)];
-  const auto& second = wet_solid_[static_cast<std::size_t>(y)];
+  const auto& first = obstacle_[static_cast<std::size_t>(number)];
+  const auto& second = wet_solid_[static_cast<std::size_t>(number)];
   std::size_t a = 0;
   std::size_t b = 0;
   int x = 0;  // everything before it is sorted out

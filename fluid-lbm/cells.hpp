@@ -26,6 +26,7 @@ enum : std::uint8_t {
 struct Node {
   int x = 0;
   int y = 0;
+  int z = 0;
   friend bool operator==(const Node&, const Node&) = default;
 };
 
@@ -34,26 +35,32 @@ public:
   /// All nodes fluid, nodes beyond sides that are not periodic outside.
   explicit Cells(const Grid& grid);
 
-  /// x from -1 to nx, y from -1 to ny; a ghost beyond a periodic side tells about its image.
-  [[nodiscard]] std::uint8_t state(int x, int y) const { return states_[place(x, y)]; }
-  [[nodiscard]] bool fluid(int x, int y) const { return states_[place(x, y)] == cell_fluid; }
-  [[nodiscard]] const std::vector<Span>& row(int y) const { return rows_[static_cast<std::size_t>(y)]; }
+  /// x from -1 to nx, y from -1 to ny (z from -1 to nz in three dimensions); a ghost beyond a periodic side
+  /// tells about its image.
+  [[nodiscard]] std::uint8_t state(int x, int y, int z = 0) const { return states_[place(x, y, z)]; }
+  [[nodiscard]] bool fluid(int x, int y, int z = 0) const { return states_[place(x, y, z)] == cell_fluid; }
+  /// Runs of fluid nodes of row y + ny z.
+  [[nodiscard]] const std::vector<Span>& row(int row) const { return rows_[static_cast<std::size_t>(row)]; }
+  [[nodiscard]] const std::vector<std::vector<Span>>& rows() const { return rows_; }
   [[nodiscard]] std::size_t fluid_count() const;
   [[nodiscard]] const Grid& grid() const { return grid_; }
 
-  /// Makes `solid` (disjoint, ascending, inside the row) the nodes of row y that are non-fluid for `reason`.
-  /// Nodes that become fluid by this are appended to `uncovered`, the number of fluid nodes that ceased to be
-  /// is returned.
-  std::size_t set_solid(int y, std::uint8_t reason, const std::vector<Span>& solid,
+  /// Makes `solid` (disjoint, ascending, inside the row) the nodes of row y + ny z that are non-fluid for
+  /// `reason`. Nodes that become fluid by this are appended to `uncovered`, the number of fluid nodes that
+  /// ceased to be is returned.
+  std::size_t set_solid(int row, std::uint8_t reason, const std::vector<Span>& solid,
                         std::vector<Node>& uncovered);
 
 private:
-  [[nodiscard]] std::size_t place(int x, int y) const {
-    return static_cast<std::size_t>(y + 1) * static_cast<std::size_t>(grid_.nx + 2) +
+  [[nodiscard]] std::size_t place(int x, int y, int z) const {
+    const int layer = grid_.nz > 0 ? z + 1 : 0;
+    return (static_cast<std::size_t>(layer) * static_cast<std::size_t>(grid_.ny + 2) +
+            static_cast<std::size_t>(y + 1)) *
+               static_cast<std::size_t>(grid_.nx + 2) +
            static_cast<std::size_t>(x + 1);
   }
-  void set(int x, int y, std::uint8_t state);
-  void rebuild_row(int y);
+  void set(int x, int y, int z, std::uint8_t state);
+  void rebuild_row(int row);
 
   Grid grid_;
   std::vector<std::uint8_t> states_;

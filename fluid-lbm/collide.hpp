@@ -2,11 +2,14 @@
 //
 // Sources: BGK: Qian, d'Humieres, Lallemand 1992. Two relaxation times: Ginzburg, Verhaeghe, d'Humieres,
 // Commun. Comput. Phys. 3 (2008); with the magic parameter (tau+ - 1/2)(tau- - 1/2) = 3/16 a straight
-// half-way wall stands exactly half-way. Equilibria, in terms of rho' = rho - 1 and the momentum j:
+// half-way wall stands exactly half-way. Recursive regularised: Malaspinas, arXiv 1505.06900 (2015). Central
+// moments with all higher ones at equilibrium: De Rosis, Phys. Rev. E 95 (2017); De Rosis, Coreixas, Phys.
+// Fluids 32 (2020) for D3Q19. Equilibria, in terms of rho' = rho - 1 and the momentum j:
 //   incompressible  He, Luo, J. Stat. Phys. 88 (1997):  f_i - w_i = w_i [rho' + 3 c.j + 9/2 (c.j)^2 - 3/2
 //   j.j],        u = j compressible    second order in the Mach number:    f_i - w_i = w_i [rho' + 3 c.j +
 //   (9/2 (c.j)^2 - 3/2 j.j)/rho],  u = j/rho
-// Pressure is rho'/3 in both.
+// Pressure is rho'/3 in both. Recursive regularised and central moments have the full product form of their
+// lattice and are compressible.
 #pragma once
 
 #include <array>
@@ -16,11 +19,15 @@
 #include "cells.hpp"
 #include "lattice.hpp"
 #include "populations.hpp"
+#include "viscosity.hpp"
 
 namespace estuary::fluid {
 
-enum class CollisionModel { trt, bgk };
+enum class CollisionModel { trt, bgk, recursive_regularised, central_moment };
 enum class EquilibriumModel { incompressible, compressible };
+/// Body force: none; Guo, Zheng, Shi, Phys. Rev. E 65 (2002), with the velocity (j + F/2)/rho; or 3 w_i c.F
+/// added after the collision with the velocity j/rho, first order in time, to repeat older studies.
+enum class ForceModel { none, guo, unshifted };
 
 /// Relaxation rates per step of the even and the odd part; BGK uses the first only.
 struct Rates {
@@ -28,14 +35,24 @@ struct Rates {
   double odd = 1;
 };
 
+/// What a step needs to know besides the populations, lattice units.
+struct CollisionParameters {
+  Rates rates;
+  std::array<double, 3> acceleration{};  // body force per mass
+  double magic_parameter = 3.0 / 16.0;   // where the viscosity varies
+  ViscosityLaw law;
+};
+
 /// 1/rho where the equilibrium has it.
 struct Incompressible {
   static constexpr const char* name = "incompressible";
   [[gnu::always_inline]] static double inverse_density(double) { return 1.0; }
+  [[gnu::always_inline]] static double density(double) { return 1.0; }
 };
 struct Compressible {
   static constexpr const char* name = "compressible";
   [[gnu::always_inline]] static double inverse_density(double excess) { return 1.0 / (1.0 + excess); }
+  [[gnu::always_inline]] static double density(double excess) { return 1.0 + excess; }
 };
 
 /// Density excess rho' and momentum of one node.
@@ -43,6 +60,7 @@ struct Moments {
   double excess = 0;
   double momentum_x = 0;
   double momentum_y = 0;
+  double momentum_z = 0;  // three dimensions only
 };
 
 template <class Lattice>
@@ -56,28 +74,76 @@ template <class Lattice>
     if constexpr (c[0] == -1) m.momentum_x -= f[i];
     if constexpr (c[1] == 1) m.momentum_y += f[i];
     if constexpr (c[1] == -1) m.momentum_y -= f[i];
+    if constexpr (c[2] == 1) m.momentum_z += f[i];
+    if constexpr (c[2] == -1) m.momentum_z -= f[i];
   });
   return m;
+}
+
+/// c_i . (x, y, z) without the products with zero and one, which strict arithmetic may not drop.
+template <class Lattice, std::size_t i>
+[[gnu::always_inline]] inline double along(double x, double y, double z) {
+  constexpr auto c = Lattice::velocity[i];
+  double sum = 0;
+  if constexpr (c[0] != 0) sum = c[0] > 0 ? x : -x;
+  if constexpr (c[1] != 0) {
+    const double part = c[1] > 0 ? y : -y;
+    if constexpr (c[0] != 0) {
+      sum += part;
+    } else {
+      sum = part;
+    }
+  }
+  if constexpr (c[2] != 0) {
+    const double part = c[2] > 0 ? z : -z;
+    if constexpr (c[0] != 0 || c[1] != 0) {
+      sum += part;
+    } else {
+      sum = part;
+    }
+  }
+  return sum;
+}
+
+/// j.j of the moments.
+template <class Lattice>
+[[gnu::always_inline]] inline double square_of(const Moments& m) {
+  const double square = m.momentum_x * m.momentum_x + m.momentum_y * m.momentum_y;
+  if constexpr (Lattice::dimension == 3) return square + m.momentum_z * m.momentum_z;
+  return square;
 }
 
 /// f_i - w_i at equilibrium.
 template <class Lattice>
 [[gnu::always_inline]] inline double equilibrium(int i, const Moments& m, double inverse_density) {
   const auto& c = Lattice::velocity[static_cast<std::size_t>(i)];
-  const double along = c[0] * m.momentum_x + c[1] * m.momentum_y;
-  const double square = m.momentum_x * m.momentum_x + m.momentum_y * m.momentum_y;
+  double along_c = c[0] * m.momentum_x + c[1] * m.momentum_y;
+  if constexpr (Lattice::dimension == 3) along_c += c[2] * m.momentum_z;
   return Lattice::weight[static_cast<std::size_t>(i)] *
-         (m.excess + 3.0 * along + inverse_density * (4.5 * along * along - 1.5 * square));
+         (m.excess + 3.0 * along_c +
+          inverse_density * (4.5 * along_c * along_c - 1.5 * square_of<Lattice>(m)));
 }
 
-/// Does one step of the kind that follows `parity`, the kind of the step before; the caller notes the new
-/// one. The boundary rules must have been applied. To be called by every thread of a parallel region (or
-/// outside one).
-using CollideAndStream = void (*)(Populations&, Parity, const Cells&, Rates);
-[[nodiscard]] CollideAndStream collide_and_stream(CollisionModel collision, EquilibriumModel equilibrium);
+/// Does one step of the kind that follows `parity`, the kind of the step before, on the runs given for each
+/// row; the caller notes the new parity. The boundary rules must have been applied. To be called by every
+/// thread of a parallel region (or outside one).
+using CollideAndStream = void (*)(Populations&, Parity, const std::vector<std::vector<Span>>&,
+                                  const CollisionParameters&);
 
-/// "d2q9-trt-incompressible".
-[[nodiscard]] std::string variant_name(CollisionModel collision, EquilibriumModel equilibrium);
+/// Which compiled variant of the step.
+struct StepChoice {
+  int dimension = 2;
+  CollisionModel collision = CollisionModel::trt;
+  EquilibriumModel equilibrium = EquilibriumModel::incompressible;
+  ForceModel force = ForceModel::none;
+  ViscosityModel viscosity = ViscosityModel::constant;
+};
+/// Null for a combination that does not exist: recursive regularised and central moments are compressible
+/// only; the unshifted force goes with BGK and TRT at constant viscosity.
+[[nodiscard]] CollideAndStream collide_and_stream(const StepChoice& choice);
+
+/// "d2q9-trt-incompressible", with "-guo", "-smagorinsky", ... where they are on.
+[[nodiscard]] std::string variant_name(const StepChoice& choice);
 
 /// Rates of the viscosity (lattice units) and of the magic parameter.
 [[nodiscard]] Rates relaxation_rates(double viscosity, double magic_parameter);

@@ -6,109 +6,136 @@
 namespace estuary::fluid {
 namespace {
 
-std::size_t place(const Cells& cells, int x, int y) {
-  return static_cast<std::size_t>(y) * static_cast<std::size_t>(cells.grid().nx) +
-         static_cast<std::size_t>(x);
-}
-
 // On fewer nodes waiting for the other threads takes longer than the nodes.
-bool parallel_pays(const Cells& cells) {
-  return cells.grid().nx * cells.grid().ny > 16384;
+bool parallel_pays(const Grid& grid) {
+  return grid.size() > 16384;
 }
 
-// Adds what `of_node(x, y, sums)` contributes: row by row, then the rows in order, whatever the number of
-// threads.
+// Adds what `of_node(x, y, z, k, sums)` contributes: row by row, then the rows in order, whatever the number
+// of threads.
 template <class Sums, class OfNode, class Combine>
 Sums over_rows(const Cells& cells, const OfNode& of_node, const Combine& combine) {
-  std::vector<Sums> rows(static_cast<std::size_t>(cells.grid().ny));
-#pragma omp parallel for schedule(static) if (parallel_pays(cells))
-  for (int y = 0; y < cells.grid().ny; ++y) {
+  const Grid& grid = cells.grid();
+  std::vector<Sums> rows(static_cast<std::size_t>(grid.rows()));
+#pragma omp parallel for schedule(static) if (parallel_pays(grid))
+  for (int row = 0; row < grid.rows(); ++row) {
+    const int y = row % grid.ny;
+    const int z = row / grid.ny;
     Sums sums;
-    for (const Span span : cells.row(y)) {
-      for (int x = span.begin; x < span.end; ++x) of_node(x, y, sums);
+    for (const Span span : cells.row(row)) {
+      for (int x = span.begin; x < span.end; ++x) of_node(x, y, z, grid.index(x, y, z), sums);
     }
-    rows[static_cast<std::size_t>(y)] = sums;
+    rows[static_cast<std::size_t>(row)] = sums;
   }
   Sums total;
   for (const Sums& row : rows) combine(total, row);
   return total;
 }
 
+template <class Lattice>
+Moments moments_at(const Populations& p, std::ptrdiff_t node) {
+  std::array<double, Lattice::count> f;
+  for (int i = 0; i < Lattice::count; ++i)
+    f[static_cast<std::size_t>(i)] = p[p.incoming(p.parity(), i, node)];
+  return moments_of<Lattice>(f);
+}
+
+template <class Lattice>
+void fill_row(const Populations& p, const Cells& cells, int row, EquilibriumModel model, Fields& fields,
+              const std::array<double, 3>& shift) {
+  const auto start = static_cast<std::size_t>(row) * static_cast<std::size_t>(cells.grid().nx);
+  for (const Span span : cells.row(row)) {
+    for (int x = span.begin; x < span.end; ++x) {
+      const Moments m = moments_at<Lattice>(p, p.row_start(row) + x);
+      const double inverse =
+          model == EquilibriumModel::compressible ? Compressible::inverse_density(m.excess) : 1.0;
+      const std::size_t k = start + static_cast<std::size_t>(x);
+      fields.excess[k] = m.excess;
+      fields.velocity_x[k] = m.momentum_x * inverse + shift[0];
+      fields.velocity_y[k] = m.momentum_y * inverse + shift[1];
+      if constexpr (Lattice::dimension == 3) fields.velocity_z[k] = m.momentum_z * inverse + shift[2];
+    }
+  }
+}
+
+double square_at(const Fields& fields, std::size_t k) {
+  const double square =
+      fields.velocity_x[k] * fields.velocity_x[k] + fields.velocity_y[k] * fields.velocity_y[k];
+  return fields.velocity_z.empty() ? square : square + fields.velocity_z[k] * fields.velocity_z[k];
+}
+
 }  // namespace
 
 Moments incoming_moments(const Populations& p, Node node) {
-  const std::ptrdiff_t n = p.node(node.x, node.y);
-  std::array<double, D2Q9::count> f;
-  for (int i = 0; i < D2Q9::count; ++i) f[static_cast<std::size_t>(i)] = p[p.incoming(p.parity(), i, n)];
-  return moments_of<D2Q9>(f);
+  const std::ptrdiff_t n = p.node(node.x, node.y, node.z);
+  return p.lattice().dimension == 3 ? moments_at<D3Q19>(p, n) : moments_at<D2Q9>(p, n);
 }
 
 void compute_fields(const Populations& populations, const Cells& cells, EquilibriumModel model,
-                    Fields& fields) {
-  const std::size_t size =
-      static_cast<std::size_t>(cells.grid().nx) * static_cast<std::size_t>(cells.grid().ny);
-  fields.excess.resize(size);
-  fields.velocity_x.resize(size);
-  fields.velocity_y.resize(size);
-  const int nx = cells.grid().nx;
-#pragma omp parallel for schedule(static) if (parallel_pays(cells))
-  for (int y = 0; y < cells.grid().ny; ++y) {
-    for (auto* field : {&fields.excess, &fields.velocity_x, &fields.velocity_y}) {
-      std::fill_n(field->data() + place(cells, 0, y), nx, 0.0);
+                    Fields& fields, const std::array<double, 3>& shift) {
+  const Grid& grid = cells.grid();
+  const bool space = grid.dimension() == 3;
+  fields.excess.resize(grid.size());
+  fields.velocity_x.resize(grid.size());
+  fields.velocity_y.resize(grid.size());
+  fields.velocity_z.resize(space ? grid.size() : 0);
+#pragma omp parallel for schedule(static) if (parallel_pays(grid))
+  for (int row = 0; row < grid.rows(); ++row) {
+    for (auto* field : {&fields.excess, &fields.velocity_x, &fields.velocity_y, &fields.velocity_z}) {
+      if (field->empty()) continue;
+      std::fill_n(field->data() + static_cast<std::size_t>(row) * static_cast<std::size_t>(grid.nx), grid.nx,
+                  0.0);
     }
-    for (const Span span : cells.row(y)) {
-      for (int x = span.begin; x < span.end; ++x) {
-        const Moments m = incoming_moments(populations, {x, y});
-        const double inverse =
-            model == EquilibriumModel::compressible ? Compressible::inverse_density(m.excess) : 1.0;
-        const std::size_t k = place(cells, x, y);
-        fields.excess[k] = m.excess;
-        fields.velocity_x[k] = m.momentum_x * inverse;
-        fields.velocity_y[k] = m.momentum_y * inverse;
-      }
+    if (space) {
+      fill_row<D3Q19>(populations, cells, row, model, fields, shift);
+    } else {
+      fill_row<D2Q9>(populations, cells, row, model, fields, shift);
     }
   }
 }
 
 void set_equilibrium(Populations& p, const Fields& fields, EquilibriumModel model) {
+  const bool space = p.lattice().dimension == 3;
 #pragma omp parallel for schedule(static)
-  for (int y = 0; y < p.ny(); ++y) {
+  for (int row = 0; row < p.rows(); ++row) {
     for (int x = 0; x < p.nx(); ++x) {
       const std::size_t k =
-          static_cast<std::size_t>(y) * static_cast<std::size_t>(p.nx()) + static_cast<std::size_t>(x);
+          static_cast<std::size_t>(row) * static_cast<std::size_t>(p.nx()) + static_cast<std::size_t>(x);
       const double excess = fields.excess[k];
       const bool compressible = model == EquilibriumModel::compressible;
       const double density = compressible ? 1 + excess : 1.0;
-      const Moments m{excess, density * fields.velocity_x[k], density * fields.velocity_y[k]};
+      const Moments m{excess, density * fields.velocity_x[k], density * fields.velocity_y[k],
+                      space ? density * fields.velocity_z[k] : 0.0};
       const double inverse = 1 / density;
-      const std::ptrdiff_t node = p.node(x, y);
-      for (int i = 0; i < D2Q9::count; ++i) {
-        p[p.post_collision(p.parity(), i, node)] = equilibrium<D2Q9>(i, m, inverse);
+      const std::ptrdiff_t node = p.row_start(row) + x;
+      for (int i = 0; i < p.lattice().count; ++i) {
+        p[p.post_collision(p.parity(), i, node)] =
+            space ? equilibrium<D3Q19>(i, m, inverse) : equilibrium<D2Q9>(i, m, inverse);
       }
     }
   }
 }
 
 FieldSums sum_fields(const Fields& fields, const Cells& cells, const Sides& sides) {
-  const auto open = [&](SideName name) {
-    return sides[name].kind == SideKind::velocity || sides[name].kind == SideKind::pressure;
-  };
   const Grid& grid = cells.grid();
+  const auto share = [&](int at, int count, int axis) {
+    const bool half = (at == 0 && is_open(sides[static_cast<std::size_t>(2 * axis)].kind)) ||
+                      (at == count - 1 && is_open(sides[static_cast<std::size_t>(2 * axis + 1)].kind));
+    return half ? 0.5 : 1.0;
+  };
   return over_rows<FieldSums>(
       cells,
-      [&](int x, int y, FieldSums& sums) {
-        const std::size_t k = place(cells, x, y);
-        const bool half_x = (x == 0 && open(left)) || (x == grid.nx - 1 && open(right));
-        const bool half_y = (y == 0 && open(bottom)) || (y == grid.ny - 1 && open(top));
-        const double area = (half_x ? 0.5 : 1.0) * (half_y ? 0.5 : 1.0);
-        const double square =
-            fields.velocity_x[k] * fields.velocity_x[k] + fields.velocity_y[k] * fields.velocity_y[k];
+      [&](int x, int y, int z, std::size_t k, FieldSums& sums) {
+        double area = share(x, grid.nx, 0) * share(y, grid.ny, 1);
+        if (grid.nz > 0) area *= share(z, grid.nz, 2);
+        const double square = square_at(fields, k);
         sums.area += area;
         sums.excess += area * fields.excess[k];
         sums.kinetic_energy += area * 0.5 * square;
         sums.maximum_speed = std::max(sums.maximum_speed, std::sqrt(square));
         sums.momentum_x += area * fields.velocity_x[k];
         sums.momentum_y += area * fields.velocity_y[k];
+        if (!fields.velocity_z.empty()) sums.momentum_z += area * fields.velocity_z[k];
       },
       [](FieldSums& total, const FieldSums& row) {
         total.area += row.area;
@@ -117,23 +144,29 @@ FieldSums sum_fields(const Fields& fields, const Cells& cells, const Sides& side
         total.maximum_speed = std::max(total.maximum_speed, row.maximum_speed);
         total.momentum_x += row.momentum_x;
         total.momentum_y += row.momentum_y;
+        total.momentum_z += row.momentum_z;
       });
 }
 
 VelocityChange update_velocities(const Fields& now, const Cells& cells, std::vector<double>& previous_x,
-                                 std::vector<double>& previous_y) {
+                                 std::vector<double>& previous_y, std::vector<double>& previous_z) {
   previous_x.resize(now.velocity_x.size());
   previous_y.resize(now.velocity_y.size());
+  previous_z.resize(now.velocity_z.size());
   return over_rows<VelocityChange>(
       cells,
-      [&](int x, int y, VelocityChange& sums) {
-        const std::size_t k = place(cells, x, y);
+      [&](int, int, int, std::size_t k, VelocityChange& sums) {
         const double dx = now.velocity_x[k] - previous_x[k];
         const double dy = now.velocity_y[k] - previous_y[k];
         sums.change += dx * dx + dy * dy;
-        sums.norm += now.velocity_x[k] * now.velocity_x[k] + now.velocity_y[k] * now.velocity_y[k];
         previous_x[k] = now.velocity_x[k];
         previous_y[k] = now.velocity_y[k];
+        if (!previous_z.empty()) {
+          const double dz = now.velocity_z[k] - previous_z[k];
+          sums.change += dz * dz;
+          previous_z[k] = now.velocity_z[k];
+        }
+        sums.norm += square_at(now, k);
       },
       [](VelocityChange& total, const VelocityChange& row) {
         total.change += row.change;
@@ -143,16 +176,18 @@ VelocityChange update_velocities(const Fields& now, const Cells& cells, std::vec
 
 std::optional<BadNode> find_bad_node(const Fields& fields, const Cells& cells) {
   const double limit = D2Q9::sound_speed_squared;
-  for (int y = 0; y < cells.grid().ny; ++y) {
-    for (const Span span : cells.row(y)) {
+  const Grid& grid = cells.grid();
+  for (int row = 0; row < grid.rows(); ++row) {
+    const int y = row % grid.ny;
+    const int z = row / grid.ny;
+    for (const Span span : cells.row(row)) {
       for (int x = span.begin; x < span.end; ++x) {
-        const std::size_t k = place(cells, x, y);
-        const double square =
-            fields.velocity_x[k] * fields.velocity_x[k] + fields.velocity_y[k] * fields.velocity_y[k];
+        const std::size_t k = grid.index(x, y, z);
+        const double square = square_at(fields, k);
         // Written so that a value that is no number fails the test.
         if (square < limit && std::abs(fields.excess[k]) < 1e3) continue;
         const bool finite = std::isfinite(square) && std::isfinite(fields.excess[k]);
-        return BadNode{{x, y}, finite, std::sqrt(square), fields.excess[k]};
+        return BadNode{{x, y, z}, finite, std::sqrt(square), fields.excess[k]};
       }
     }
   }

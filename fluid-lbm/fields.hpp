@@ -1,6 +1,7 @@
 // Macroscopic fields, from the incoming populations (boundary rules applied, collision not yet done).
 #pragma once
 
+#include <array>
 #include <cstdint>
 #include <optional>
 #include <string>
@@ -13,17 +14,19 @@
 
 namespace estuary::fluid {
 
-/// One value per node, x fastest, lattice units; zero in the solid.
+/// One value per node (Grid::index), x fastest, lattice units; zero in the solid.
 struct Fields {
   std::vector<double> excess;  // rho' = 3 p
   std::vector<double> velocity_x;
   std::vector<double> velocity_y;
+  std::vector<double> velocity_z;  // three dimensions only
 };
 
 [[nodiscard]] Moments incoming_moments(const Populations& populations, Node node);
 
+/// `shift` is added to every velocity: half the acceleration of a body force.
 void compute_fields(const Populations& populations, const Cells& cells, EquilibriumModel equilibrium,
-                    Fields& fields);
+                    Fields& fields, const std::array<double, 3>& shift = {});
 
 /// Starts all nodes at equilibrium with the given fields, as if their collision had just been done.
 void set_equilibrium(Populations& populations, const Fields& fields, EquilibriumModel equilibrium);
@@ -37,6 +40,7 @@ struct FieldSums {
   double maximum_speed = 0;
   double momentum_x = 0;
   double momentum_y = 0;
+  double momentum_z = 0;
 };
 [[nodiscard]] FieldSums sum_fields(const Fields& fields, const Cells& cells, const Sides& sides);
 
@@ -46,7 +50,7 @@ struct VelocityChange {
 };
 /// Compares the velocities with `previous` and stores them there.
 VelocityChange update_velocities(const Fields& now, const Cells& cells, std::vector<double>& previous_x,
-                                 std::vector<double>& previous_y);
+                                 std::vector<double>& previous_y, std::vector<double>& previous_z);
 
 /// First node (in order of rows) where the density is not finite, not positive, or the speed not below the
 /// speed of sound.

@@ -4,6 +4,7 @@
 
 #include <algorithm>
 #include <limits>
+#include <stdexcept>
 
 #include "refill.hpp"
 
@@ -31,12 +32,16 @@ bool near(const std::vector<double>& a, const std::vector<double>& b) {
 
 Flow::Flow(const FlowSettings& settings)
     : settings_(settings),
-      populations_(settings.grid.nx, settings.grid.ny),
+      populations_(settings.grid),
       cells_(settings.grid),
-      step_(collide_and_stream(settings.collision, settings.equilibrium)),
+      step_(collide_and_stream(settings.step())),
+      parameters_{settings.rates, settings.acceleration, settings.magic_parameter, settings.law},
       rows_(settings.grid),
       obstacle_links_(settings.grid),
-      wet_links_(settings.grid) {}
+      wet_links_(settings.grid),
+      saturated_(settings.grid) {
+  if (step_ == nullptr) throw std::invalid_argument("no such variant: " + variant_name(settings.step()));
+}
 
 void Flow::set_obstacles(std::size_t nodes, std::vector<std::uint32_t> connectivity,
                          std::span<const double> positions) {
@@ -119,7 +124,8 @@ void Flow::apply_rules(Parity parity) {
   if (wet_) wet_links_.reflect(populations_, parity, compressible);
   if (obstacles_) obstacle_edges_.close(populations_, parity, compressible);
   if (wet_) wet_edges_.close(populations_, parity, compressible);
-  complete_open_sides(populations_, parity, cells_, settings_.sides, settings_.equilibrium);
+  complete_open_sides(populations_, parity, cells_, settings_.sides, settings_.equilibrium,
+                      settings_.force == ForceModel::guo ? settings_.acceleration : std::array<double, 3>{});
 }
 
 Force Flow::wet_force() const {
@@ -132,8 +138,8 @@ Force Flow::obstacle_force() const {
 
 // Threads meet several times in a step; on few nodes that would take longer than the nodes themselves.
 int Flow::threads() const {
-  constexpr int nodes_per_thread = 8192;
-  return std::clamp(grid().nx * grid().ny / nodes_per_thread, 1, omp_get_max_threads());
+  constexpr std::size_t nodes_per_thread = 8192;
+  return std::clamp(static_cast<int>(grid().size() / nodes_per_thread), 1, omp_get_max_threads());
 }
 
 void Flow::run(std::size_t steps) {
@@ -143,10 +149,25 @@ void Flow::run(std::size_t steps) {
   for (std::size_t n = 0; n < steps; ++n) {
     const Parity parity = n % 2 == 0 ? start : other;
     if (n > 0 || !rules_applied_) apply_rules(parity);
-    step_(populations_, parity, cells_, settings_.rates);
+    if (saturated_.empty()) {
+      step_(populations_, parity, cells_.rows(), parameters_);
+      continue;
+    }
+    saturated_.keep(populations_, parity);
+    step_(populations_, parity, cells_.rows(), parameters_);
+    saturated_.replace(populations_, parity, parameters_, settings_.equilibrium);
   }
   populations_.set_parity(steps % 2 == 0 ? start : other);
   if (steps > 0) rules_applied_ = false;
+}
+
+void Flow::compute_fields(Fields& fields) {
+  apply_boundaries();
+  const auto shift = settings_.velocity_shift();
+  fluid::compute_fields(populations_, cells_, settings_.equilibrium, fields, shift);
+  if (settings_.force == ForceModel::guo && !saturated_.empty()) {
+    saturated_.unshift(fields, shift, settings_.rates.even);
+  }
 }
 
 void Flow::apply_boundaries() {

@@ -11,6 +11,7 @@
 #include "fields.hpp"
 #include "links.hpp"
 #include "populations.hpp"
+#include "saturated_cells.hpp"
 #include "sides.hpp"
 #include "surface.hpp"
 #include "wet_load.hpp"
@@ -23,6 +24,20 @@ struct FlowSettings {
   CollisionModel collision = CollisionModel::trt;
   EquilibriumModel equilibrium = EquilibriumModel::incompressible;
   Rates rates;
+  ForceModel force = ForceModel::none;
+  ViscosityModel viscosity = ViscosityModel::constant;
+  std::array<double, 3> acceleration{};  // body force per mass
+  double magic_parameter = 3.0 / 16.0;   // where the viscosity varies
+  ViscosityLaw law;
+
+  [[nodiscard]] StepChoice step() const {
+    return {grid.dimension(), collision, equilibrium, force, viscosity};
+  }
+  /// What velocities gain from the body force beyond the populations' momentum.
+  [[nodiscard]] std::array<double, 3> velocity_shift() const {
+    if (force != ForceModel::guo) return {};
+    return {0.5 * acceleration[0], 0.5 * acceleration[1], 0.5 * acceleration[2]};
+  }
 };
 
 struct MoveCounts {
@@ -39,6 +54,11 @@ public:
   [[nodiscard]] const Grid& grid() const { return settings_.grid; }
   [[nodiscard]] const FlowSettings& settings() const { return settings_; }
   [[nodiscard]] Sides& sides() { return settings_.sides; }
+  /// The body force from now on [lattice units].
+  void set_acceleration(const std::array<double, 3>& acceleration) {
+    settings_.acceleration = acceleration;
+    parameters_.acceleration = acceleration;
+  }
   [[nodiscard]] Populations& populations() { return populations_; }
   [[nodiscard]] const Populations& populations() const { return populations_; }
   [[nodiscard]] const Cells& cells() const { return cells_; }
@@ -52,6 +72,10 @@ public:
   /// was.
   MoveCounts move_wet_surface(std::span<const double> positions, std::span<const double> velocities,
                               double velocity_scale);
+  /// Grains in the fluid, lattice units, as partially saturated cells.
+  void place_grains(const Grains& grains) { saturated_.place(grains, cells_); }
+  [[nodiscard]] SaturatedCells& grains() { return saturated_; }
+  [[nodiscard]] const SaturatedCells& grains() const { return saturated_; }
   /// What the flow can be given back later: everything but the surfaces and the sides' values.
   struct State {
     std::vector<double> populations;
@@ -68,6 +92,9 @@ public:
   /// The boundary rules alone; afterwards fields, loads and forces can be read. The next step does not repeat
   /// them, so looking at a flow does not change how it goes on.
   void apply_boundaries();
+
+  /// Density and velocities, half of a body force included, with boundaries applied.
+  void compute_fields(Fields& fields);
 
   [[nodiscard]] const Surface* wet_surface() const { return wet_ ? &*wet_ : nullptr; }
   [[nodiscard]] const Surface* obstacles() const { return obstacles_ ? &*obstacles_ : nullptr; }
@@ -87,6 +114,7 @@ private:
   Populations populations_;
   Cells cells_;
   CollideAndStream step_;
+  CollisionParameters parameters_;
   bool rules_applied_ = false;  // since the last step or move
   std::optional<Surface> obstacles_;
   std::optional<Surface> wet_;
@@ -95,6 +123,7 @@ private:
   Links wet_links_;
   EdgeLinks obstacle_edges_;
   EdgeLinks wet_edges_;
+  SaturatedCells saturated_;
   std::vector<double> placed_;           // positions and velocities as last given
   std::vector<double> obstacle_bounds_;  // left, bottom, right, top in lattice coordinates
 };

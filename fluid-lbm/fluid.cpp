@@ -40,8 +40,8 @@ Identity Fluid::identity() const {
   return {.name = "fluid-lbm",
           .version = ESTUARY_VERSION,
           .roles = {"fluid"},
-          .capabilities = {"steady", "transient", "wet-surface", "viscous-traction", "checkpoint"},
-          .dimensions = {2}};
+          .capabilities = {"steady", "transient", "wet-surface", "viscous-traction", "grains", "checkpoint"},
+          .dimensions = {2, 3}};
 }
 
 Plan Fluid::configure(Scene& scene, const std::string& role) {
@@ -62,6 +62,7 @@ v1::Exchange Fluid::start(const v1::Exchange& initial, const std::filesystem::pa
                          scene_.obstacle_positions);
   }
   if (initial.has_wet_surface()) take_surface(initial);
+  grains_.start(initial, *flow_, scene_.units);
   if (flow_->cells().fluid_count() == 0) {
     throw BadInput("initial.wet_surface",
                    "no fluid is left: the surface encloses the whole domain, or its segments run "
@@ -172,6 +173,7 @@ void Fluid::give_back(const Flow::State& state) {
 AdvanceResult Fluid::advance(const Window& window, const v1::Exchange& inputs, ProgressBoard& progress) {
   if (window.mode != scene_.mode) throw BadInput("mode", "differs from the scene's coupling mode");
   const Motion end = motion_of(inputs);
+  grains_.take(inputs, window.duration, scene_.mode == Mode::steady);
   double remaining = 0;
   if (scene_.mode == Mode::steady) {
     remaining = advance_steady(window, end, progress);
@@ -198,11 +200,12 @@ void Fluid::advance_transient(const Window& window, const Motion& end, ProgressB
   } else if (window_start_) {
     flow_->copy_to(*window_start_);
   }
+  grains_.begin_window(*flow_);
   if (!sides_constant_) evaluate_sides(scene_, window.time, flow_->sides());
   const auto steps = static_cast<std::size_t>(rounded);
   const bool resting = end.displacement == accepted_.displacement && end.velocity == accepted_.velocity &&
                        std::all_of(end.velocity.begin(), end.velocity.end(), [](double v) { return v == 0; });
-  const bool all_fixed = resting && sides_constant_;
+  const bool all_fixed = resting && sides_constant_ && grains_.resting();
   auto reported = Clock::now();
   for (std::size_t done = 0; done < steps;) {
     const std::size_t count = all_fixed ? std::min(steps - done, steps_at_once()) : 1;
@@ -210,6 +213,7 @@ void Fluid::advance_transient(const Window& window, const Motion& end, ProgressB
     done += count;
     const double fraction = static_cast<double>(done) / rounded;
     if (!resting) move_inside_window(end, done == steps ? 1.0 : fraction, window.duration);
+    grains_.move_to(done == steps ? 1.0 : fraction, *flow_);
     if (!sides_constant_) evaluate_sides(scene_, window.time + window.duration * fraction, flow_->sides());
     if (Clock::now() - reported > std::chrono::milliseconds(100)) {
       check_progress(progress, fraction, fmt::format("step {} of {}", done, steps));
@@ -225,9 +229,10 @@ void Fluid::advance_transient(const Window& window, const Motion& end, ProgressB
 
 double Fluid::advance_steady(const Window& window, const Motion& end, ProgressBoard& progress) {
   if (!end.displacement.empty()) move_surface(end);
+  grains_.move_to(1.0, *flow_);
   const auto between = static_cast<std::uint64_t>(steps_between_checks(flow_->grid().nx, flow_->grid().ny));
   evaluate_fields();
-  update_velocities(fields_, flow_->cells(), previous_x_, previous_y_);
+  update_velocities(fields_, flow_->cells(), previous_x_, previous_y_, previous_z_);
   previous_load_.clear();
   evaluate_loads();
   load_change();
@@ -237,6 +242,7 @@ double Fluid::advance_steady(const Window& window, const Motion& end, ProgressBo
   double first = 0;
   const std::uint64_t begin = steps_;
   while (true) {
+    grains_.restart_loads(*flow_);
     for (std::uint64_t done = 0; done < between;) {
       const std::size_t count = std::min<std::uint64_t>(between - done, steps_at_once());
       run(count);
@@ -246,7 +252,8 @@ double Fluid::advance_steady(const Window& window, const Motion& end, ProgressBo
     evaluate_fields();
     check_state();
     evaluate_loads();
-    const VelocityChange change = update_velocities(fields_, flow_->cells(), previous_x_, previous_y_);
+    const VelocityChange change =
+        update_velocities(fields_, flow_->cells(), previous_x_, previous_y_, previous_z_);
     of_flow.add(relative(change.change, change.norm));
     of_load.add(load_change());
     const double remaining = std::max(of_flow.estimate(), of_load.estimate());
@@ -295,8 +302,7 @@ void Fluid::check_progress(ProgressBoard& progress, double fraction, const std::
 
 void Fluid::evaluate_fields() {
   const Stopwatch stopwatch(seconds_.fields_and_loads);
-  flow_->apply_boundaries();
-  compute_fields(flow_->populations(), flow_->cells(), scene_.flow.equilibrium, fields_);
+  flow_->compute_fields(fields_);
 }
 
 void Fluid::evaluate_loads() {
@@ -378,6 +384,7 @@ AdvanceResult Fluid::result() {
     force.x += fixed.x;
     force.y += fixed.y;
   }
+  grains_.write(*flow_, advanced.outputs);
   advanced.watches = evaluate_watches(scene_, fields_, flow_->cells(), force);
   advanced.work = {.steps = steps_,
                    .updates = updates_,
@@ -390,6 +397,7 @@ AdvanceResult Fluid::result() {
 
 void Fluid::accept() {
   accepted_ = latest_;
+  grains_.accept();
 }
 
 void Fluid::save(const std::filesystem::path& file) {
@@ -401,6 +409,7 @@ void Fluid::save(const std::filesystem::path& file) {
   writer.add("rules applied", std::uint64_t{state.rules_applied});
   writer.add("steps", steps_);
   writer.add("updates", std::vector<double>{updates_});
+  grains_.save(writer);
   if (flow_->wet_surface()) {
     writer.add("displacement", accepted_.displacement);
     writer.add("velocity", accepted_.velocity);
@@ -442,6 +451,7 @@ void Fluid::load(const std::filesystem::path& file) {
     latest_ = accepted_;
   }
   give_back(state);
+  grains_.load(reader, *flow_);
   evaluate_fields();
   evaluate_loads();
 }

@@ -6,6 +6,7 @@
 #include <optional>
 
 #include "fluid_scene.hpp"
+#include "grain_coupling.hpp"
 #include "output.hpp"
 #include "participant.hpp"
 #include "steady.hpp"
@@ -61,6 +62,7 @@ private:
   Motion accepted_;  // at the window's start
   Motion latest_;    // at the end of the last advance
   std::optional<Flow::State> window_start_;
+  GrainCoupling grains_;
   WetLoad wet_load_;
   bool wet_load_stale_ = true;
   Fields fields_;
@@ -68,6 +70,7 @@ private:
   std::vector<double> traction_;
   std::vector<double> previous_x_;  // steady mode: velocities and loads at the last check
   std::vector<double> previous_y_;
+  std::vector<double> previous_z_;
   std::vector<double> previous_load_;
   bool sides_constant_ = true;
   std::uint64_t steps_ = 0;

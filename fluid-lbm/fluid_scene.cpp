@@ -15,10 +15,6 @@ using namespace std::string_view_literals;
 constexpr double fit_tolerance = 1e-9;
 constexpr double most_nodes = 2e9;
 
-bool is_open(SideKind kind) {
-  return kind == SideKind::velocity || kind == SideKind::pressure;
-}
-
 std::optional<Expression> parse(SceneTable& table, std::string_view key, const std::string& text) {
   if (text.empty()) return std::nullopt;  // missing, and already noted
   try {
@@ -408,7 +404,7 @@ void fill_plan(const FluidScene& result, Plan& plan) {
         fmt::format("cell Reynolds number {:.3g}: above 10 boundary layers are not resolved", grid_reynolds));
   }
   plan.memory_bytes =
-      Populations::memory_bytes(grid.nx, grid.ny) *
+      Populations::memory_bytes(grid) *
           (result.has_partner && result.mode == Mode::transient ? 2 : 1) +
       nodes * (1 + 3 * 8 + (result.mode == Mode::steady ? 16 : 0) + (result.has_partner ? 8 : 0));
   if (result.mode == Mode::transient)
@@ -421,7 +417,7 @@ void fill_plan(const FluidScene& result, Plan& plan) {
                                    ? "copy of the window's start: a steady iteration goes on from where it is"
                                    : "copy of the window's start: no partner repeats windows");
   }
-  plan.variant = variant_name(result.flow.collision, result.flow.equilibrium);
+  plan.variant = variant_name(result.flow.step());
 }
 
 }  // namespace

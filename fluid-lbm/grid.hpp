@@ -2,11 +2,12 @@
 #pragma once
 
 #include <cmath>
+#include <cstddef>
 
 namespace estuary::fluid {
 
-/// nx x ny nodes, `spacing` apart. Inside the solver lengths are counted in spacings from node (0, 0),
-/// "lattice coordinates", so that node (i, j) stands at (i, j).
+/// nx x ny (x nz) nodes, `spacing` apart; nz is 0 in two dimensions. Inside the solver lengths are counted in
+/// spacings from node (0, 0), "lattice coordinates", so that node (i, j) stands at (i, j).
 struct Grid {
   int nx = 0;
   int ny = 0;
@@ -15,16 +16,38 @@ struct Grid {
   double y0 = 0;
   bool periodic_x = false;
   bool periodic_y = false;
+  int nz = 0;
+  double z0 = 0;
+  bool periodic_z = false;
+
+  [[nodiscard]] int dimension() const { return nz > 0 ? 3 : 2; }
+  [[nodiscard]] int layers() const { return nz > 0 ? nz : 1; }
+  /// Rows of nodes along x: row y + ny z.
+  [[nodiscard]] int rows() const { return ny * layers(); }
+  [[nodiscard]] std::size_t size() const {
+    return static_cast<std::size_t>(nx) * static_cast<std::size_t>(rows());
+  }
+  /// Number of a node, x fastest.
+  [[nodiscard]] std::size_t index(int x, int y, int z = 0) const {
+    return (static_cast<std::size_t>(z) * static_cast<std::size_t>(ny) + static_cast<std::size_t>(y)) *
+               static_cast<std::size_t>(nx) +
+           static_cast<std::size_t>(x);
+  }
 
   [[nodiscard]] double x(double i) const { return x0 + i * spacing; }
   [[nodiscard]] double y(double j) const { return y0 + j * spacing; }
+  [[nodiscard]] double z(double k) const { return z0 + k * spacing; }
   [[nodiscard]] double to_lattice_x(double position) const { return (position - x0) / spacing; }
   [[nodiscard]] double to_lattice_y(double position) const { return (position - y0) / spacing; }
+  [[nodiscard]] double to_lattice_z(double position) const { return (position - z0) / spacing; }
 
   /// Number of the column (row) that `i` means: the periodic image inside the grid, or `i` itself.
   [[nodiscard]] int wrap_x(int i) const { return periodic_x ? (i < 0 ? i + nx : (i >= nx ? i - nx : i)) : i; }
   [[nodiscard]] int wrap_y(int j) const { return periodic_y ? (j < 0 ? j + ny : (j >= ny ? j - ny : j)) : j; }
-  [[nodiscard]] bool inside(int i, int j) const { return i >= 0 && i < nx && j >= 0 && j < ny; }
+  [[nodiscard]] int wrap_z(int k) const { return periodic_z ? (k < 0 ? k + nz : (k >= nz ? k - nz : k)) : k; }
+  [[nodiscard]] bool inside(int i, int j, int k = 0) const {
+    return i >= 0 && i < nx && j >= 0 && j < ny && k >= 0 && k < layers();
+  }
 };
 
 }  // namespace estuary::fluid

@@ -13,8 +13,15 @@ namespace estuary::fluid {
 struct D2Q9 {
   static constexpr int dimension = 2;
   static constexpr int count = 9;
-  static constexpr std::array<std::array<int, 2>, 9> velocity{
-      {{0, 0}, {1, 0}, {0, 1}, {-1, 0}, {0, -1}, {1, 1}, {-1, 1}, {-1, -1}, {1, -1}}};
+  static constexpr std::array<std::array<int, 3>, 9> velocity{{{0, 0, 0},
+                                                               {1, 0, 0},
+                                                               {0, 1, 0},
+                                                               {-1, 0, 0},
+                                                               {0, -1, 0},
+                                                               {1, 1, 0},
+                                                               {-1, 1, 0},
+                                                               {-1, -1, 0},
+                                                               {1, -1, 0}}};
   static constexpr std::array<double, 9> weight{4.0 / 9.0,  1.0 / 9.0,  1.0 / 9.0,  1.0 / 9.0, 1.0 / 9.0,
                                                 1.0 / 36.0, 1.0 / 36.0, 1.0 / 36.0, 1.0 / 36.0};
   static constexpr std::array<int, 9> opposite{0, 3, 4, 1, 2, 7, 8, 5, 6};
@@ -24,6 +31,63 @@ struct D2Q9 {
   static constexpr double sound_speed_squared = 1.0 / 3.0;
   static constexpr const char* name = "d2q9";
 };
+
+/// Nineteen velocities in space: 0 at rest, 1 to 6 along the axes, 7 to 18 along the diagonals of the planes
+/// xy, xz, yz. Source: the same.
+struct D3Q19 {
+  static constexpr int dimension = 3;
+  static constexpr int count = 19;
+  static constexpr std::array<std::array<int, 3>, 19> velocity{{{0, 0, 0},
+                                                                {1, 0, 0},
+                                                                {0, 1, 0},
+                                                                {-1, 0, 0},
+                                                                {0, -1, 0},
+                                                                {0, 0, 1},
+                                                                {0, 0, -1},
+                                                                {1, 1, 0},
+                                                                {-1, 1, 0},
+                                                                {-1, -1, 0},
+                                                                {1, -1, 0},
+                                                                {1, 0, 1},
+                                                                {-1, 0, 1},
+                                                                {-1, 0, -1},
+                                                                {1, 0, -1},
+                                                                {0, 1, 1},
+                                                                {0, -1, 1},
+                                                                {0, -1, -1},
+                                                                {0, 1, -1}}};
+  static constexpr std::array<double, 19> weight{1.0 / 3.0,  1.0 / 18.0, 1.0 / 18.0, 1.0 / 18.0, 1.0 / 18.0,
+                                                 1.0 / 18.0, 1.0 / 18.0, 1.0 / 36.0, 1.0 / 36.0, 1.0 / 36.0,
+                                                 1.0 / 36.0, 1.0 / 36.0, 1.0 / 36.0, 1.0 / 36.0, 1.0 / 36.0,
+                                                 1.0 / 36.0, 1.0 / 36.0, 1.0 / 36.0, 1.0 / 36.0};
+  static constexpr std::array<int, 19> opposite{0, 3,  4,  1,  2,  6,  5,  9,  10, 7,
+                                                8, 13, 14, 11, 12, 17, 18, 15, 16};
+  static constexpr std::array<int, 9> half{1, 2, 5, 7, 8, 11, 12, 15, 16};
+  static constexpr double sound_speed_squared = 1.0 / 3.0;
+  static constexpr const char* name = "d3q19";
+};
+
+/// The largest number of velocities, for arrays that serve every lattice.
+inline constexpr int most_velocities = D3Q19::count;
+
+/// The same numbers for code outside of the kernels, which learns the lattice when it runs.
+struct LatticeTable {
+  int dimension = 2;
+  int count = 0;
+  const std::array<int, 3>* velocity = nullptr;
+  const double* weight = nullptr;
+  const int* opposite = nullptr;
+};
+
+template <class Lattice>
+[[nodiscard]] constexpr LatticeTable table_of() {
+  return {Lattice::dimension, Lattice::count, Lattice::velocity.data(), Lattice::weight.data(),
+          Lattice::opposite.data()};
+}
+
+[[nodiscard]] constexpr LatticeTable lattice_of_dimension(int dimension) {
+  return dimension == 3 ? table_of<D3Q19>() : table_of<D2Q9>();
+}
 
 /// Calls `body` with each index as a compile-time constant, so that arrays it indexes can live in registers.
 template <int count, class Body>

@@ -21,21 +21,35 @@ constexpr std::ptrdiff_t row_pitch(int nx) {
   return round_up(cache_line + nx + 1, cache_line);
 }
 
-// The nine planes start 448 bytes apart modulo the page, a ninth of it, so that values of one node in
+constexpr std::ptrdiff_t layers(int nz) {
+  return nz > 0 ? nz + 2 : 1;
+}
+
+// The planes start a ninth (a twenty-first) of a page apart modulo the page, so that values of one node in
 // different planes do not compete for the same cache sets.
-constexpr std::ptrdiff_t plane_size(int nx, int ny) {
-  return round_up((ny + 2) * row_pitch(nx) + 2 * cache_line, page) + 7 * cache_line;
+constexpr std::ptrdiff_t plane_size(int nx, int ny, int nz) {
+  return round_up(layers(nz) * (ny + 2) * row_pitch(nx) + 2 * cache_line, page) +
+         (nz > 0 ? 3 : 7) * cache_line;
 }
 
 }  // namespace
 
-Populations::Populations(int nx, int ny)
-    : nx_(nx),
-      ny_(ny),
-      pitch_(row_pitch(nx)),
-      plane_(plane_size(nx, ny)),
-      origin_(pitch_ + cache_line),
-      size_(static_cast<std::size_t>(Lattice::count * plane_)) {
+Populations::Populations(int nx, int ny) : Populations(Grid{nx, ny}) {}
+
+Populations::Populations(const Grid& grid)
+    : lattice_(lattice_of_dimension(grid.dimension())),
+      nx_(grid.nx),
+      ny_(grid.ny),
+      nz_(grid.nz),
+      pitch_(row_pitch(nx_)),
+      layer_((ny_ + 2) * pitch_),
+      plane_(plane_size(nx_, ny_, nz_)),
+      origin_((nz_ > 0 ? layer_ : 0) + pitch_ + cache_line),
+      size_(static_cast<std::size_t>(lattice_.count * plane_)) {
+  for (int i = 0; i < lattice_.count; ++i) {
+    const auto& c = lattice_.velocity[i];
+    steps_[static_cast<std::size_t>(i)] = c[2] * layer_ + c[1] * pitch_ + c[0];
+  }
   constexpr std::size_t huge_page = std::size_t{1} << 21;
   const std::size_t bytes = size_ * sizeof(double);
   const std::size_t alignment = bytes > 4 * huge_page ? huge_page : 4096;
@@ -46,18 +60,20 @@ Populations::Populations(int nx, int ny)
   data_.reset(static_cast<double*>(memory));
   double* values = data_.get();
   // Each thread touches first what it will work on.
-  for (int i = 0; i < Lattice::count; ++i) {
+  const std::ptrdiff_t all_rows = layers(nz_) * (ny_ + 2);
+  for (int i = 0; i < lattice_.count; ++i) {
 #pragma omp parallel for schedule(static)
-    for (int y = -1; y <= ny_; ++y) {
-      std::fill_n(values + i * plane_ + (y + 1) * pitch_, pitch_, 0.0);
+    for (std::ptrdiff_t row = 0; row < all_rows; ++row) {
+      std::fill_n(values + i * plane_ + row * pitch_, pitch_, 0.0);
     }
-    const std::ptrdiff_t rows = (ny_ + 2) * pitch_;
-    std::fill_n(values + i * plane_ + rows, plane_ - rows, 0.0);
+    std::fill_n(values + i * plane_ + all_rows * pitch_, plane_ - all_rows * pitch_, 0.0);
   }
 }
 
-double Populations::memory_bytes(int nx, int ny) {
-  return static_cast<double>(Lattice::count * plane_size(nx, ny)) * sizeof(double);
+double Populations::memory_bytes(const Grid& grid) {
+  return static_cast<double>(lattice_of_dimension(grid.dimension()).count *
+                             plane_size(grid.nx, grid.ny, grid.nz)) *
+         sizeof(double);
 }
 
 void Populations::Release::operator()(double* memory) const {

@@ -1,7 +1,7 @@
 // The populations: one copy, updated in place by the AA pattern.
 //
 // Source: Bailey, Myre, Walsh, Lilja, Saar, "Accelerating lattice Boltzmann fluid flow simulations using
-// graphics processors", ICPP 2009. Steps of two kinds alternate. An even step reads the nine values of a node
+// graphics processors", ICPP 2009. Steps of two kinds alternate. An even step reads the values of a node
 // and puts them back, exchanged with their opposites; an odd step gathers from the neighbours and scatters to
 // them. Both touch each memory location from one node only, so nodes can be updated in any order and in
 // parallel.
@@ -18,10 +18,12 @@
 // that carry the flow when the Mach number is small, and makes every pressure a gauge pressure.
 #pragma once
 
+#include <array>
 #include <cstddef>
 #include <memory>
 #include <span>
 
+#include "grid.hpp"
 #include "lattice.hpp"
 
 namespace estuary::fluid {
@@ -31,24 +33,32 @@ enum class Parity { even, odd };
 
 class Populations {
 public:
-  using Lattice = D2Q9;
-
-  /// nx x ny nodes at rest, with one layer of ghost nodes around them. Throws std::bad_alloc.
+  /// Nodes of the grid at rest, with one layer of ghost nodes around them; D2Q9 or D3Q19 by the grid's
+  /// dimension. Throws std::bad_alloc.
+  explicit Populations(const Grid& grid);
+  /// In two dimensions.
   Populations(int nx, int ny);
 
   [[nodiscard]] int nx() const { return nx_; }
   [[nodiscard]] int ny() const { return ny_; }
+  [[nodiscard]] int nz() const { return nz_; }
+  /// Rows of nodes along x: row y + ny z.
+  [[nodiscard]] int rows() const { return nz_ > 0 ? ny_ * nz_ : ny_; }
+  [[nodiscard]] const LatticeTable& lattice() const { return lattice_; }
   [[nodiscard]] Parity parity() const { return parity_; }
   void set_parity(Parity parity) { parity_ = parity; }
 
-  /// Number of node (x, y) inside a plane; ghost nodes have x = -1 or nx, y = -1 or ny.
-  [[nodiscard]] std::ptrdiff_t node(int x, int y) const { return origin_ + y * pitch_ + x; }
+  /// Number of node (x, y, z) inside a plane; ghost nodes have x = -1 or nx, y = -1 or ny, z = -1 or nz.
+  [[nodiscard]] std::ptrdiff_t node(int x, int y, int z = 0) const {
+    return origin_ + z * layer_ + y * pitch_ + x;
+  }
+  /// Of the first node of a row.
+  [[nodiscard]] std::ptrdiff_t row_start(int row) const {
+    return nz_ > 0 ? node(0, row % ny_, row / ny_) : node(0, row);
+  }
   [[nodiscard]] std::ptrdiff_t pitch() const { return pitch_; }
   /// How far the neighbour along direction i lies in a plane.
-  [[nodiscard]] std::ptrdiff_t step(int i) const {
-    const auto& c = Lattice::velocity[static_cast<std::size_t>(i)];
-    return c[1] * pitch_ + c[0];
-  }
+  [[nodiscard]] std::ptrdiff_t step(int i) const { return steps_[static_cast<std::size_t>(i)]; }
   [[nodiscard]] std::ptrdiff_t slot(int i, std::ptrdiff_t node) const { return i * plane_ + node; }
 
   [[nodiscard]] std::ptrdiff_t post_collision(Parity parity, int i, std::ptrdiff_t node) const {
@@ -65,22 +75,24 @@ public:
   /// All values, ghosts and padding included: what a copy or a checkpoint has to hold besides the parity.
   [[nodiscard]] std::span<double> values() { return {data_.get(), size_}; }
   [[nodiscard]] std::span<const double> values() const { return {data_.get(), size_}; }
-  [[nodiscard]] static double memory_bytes(int nx, int ny);
+  [[nodiscard]] static double memory_bytes(const Grid& grid);
 
 private:
   struct Release {
     void operator()(double* memory) const;
   };
-  [[nodiscard]] static constexpr int opposite(int i) {
-    return Lattice::opposite[static_cast<std::size_t>(i)];
-  }
+  [[nodiscard]] int opposite(int i) const { return lattice_.opposite[i]; }
 
+  LatticeTable lattice_;
   int nx_;
   int ny_;
+  int nz_;
   std::ptrdiff_t pitch_;
+  std::ptrdiff_t layer_;
   std::ptrdiff_t plane_;
   std::ptrdiff_t origin_;
   std::size_t size_;
+  std::array<std::ptrdiff_t, most_velocities> steps_{};
   std::unique_ptr<double, Release> data_;
   Parity parity_ = Parity::odd;
 };

@@ -1,9 +1,13 @@
-// Rules at the four sides of the grid.
+// Rules at the sides of the grid: four in two dimensions, six in three.
 //
 // wall: half-way bounce-back; the wall lies half a spacing outside the outermost nodes and may move (Ladd, J.
 // Fluid Mech. 271 (1994)).
 //
-// velocity: the outermost nodes lie on the side and have the given velocity (Zou, He, Phys. Fluids 9 (1997)).
+// velocity: the outermost nodes lie on the side and have the given velocity (Zou, He, Phys. Fluids 9 (1997);
+// in three dimensions with the transverse correction of Hecht, Harting, J. Stat. Mech. (2010) P01018). Or all
+// populations of the node are rebuilt from density, velocity and the stress of the ones known and bounced
+// back (Latt, Chopard, Malaspinas, Deville, Michler, Phys. Rev. E 77 (2008)), which stands higher Reynolds
+// numbers.
 //
 // pressure: the outermost nodes lie on the side and have the given pressure, no velocity along the side, and
 // hence (continuity) no change of the velocity across it: equilibrium with these, non-equilibrium part of the
@@ -11,7 +15,14 @@
 // only where there is no inner neighbour: it hardly lets out the velocity mode that changes sign from node to
 // node and from step to step, which the flow carries towards an outlet.
 //
+// outflow: does not reflect. The characteristic waves that leave are taken from the inside, the one that
+// enters relaxes to the given pressure: Izquierdo, Fueyo, Phys. Rev. E 78 (2008), after Poinsot, Lele, J.
+// Comput. Phys. 101 (1992); non-equilibrium part of the inner neighbour.
+//
 // periodic: what leaves enters at the opposite side.
+//
+// Where walls meet, a population that both would reflect belongs to the one later in the order left to
+// front. Where an open side meets a wall, the wall reflects first.
 #pragma once
 
 #include <array>
@@ -23,30 +34,43 @@
 
 namespace estuary::fluid {
 
-enum class SideKind { wall, velocity, pressure, periodic };
-enum SideName { left = 0, right = 1, bottom = 2, top = 3 };
-inline constexpr std::array<const char*, 4> side_names{"left", "right", "bottom", "top"};
+enum class SideKind { wall, velocity, pressure, periodic, regularised_velocity, outflow };
+enum SideName { left = 0, right = 1, bottom = 2, top = 3, back = 4, front = 5 };
+inline constexpr std::array<const char*, 6> side_names{"left", "right", "bottom", "top", "back", "front"};
+
+/// Nodes lie on the side.
+[[nodiscard]] constexpr bool is_open(SideKind kind) {
+  return kind != SideKind::wall && kind != SideKind::periodic;
+}
 
 struct Side {
   SideKind kind = SideKind::wall;
-  /// velocity: one value per node along the side, in order of x or y. wall: empty when at rest, else two per
-  /// node and one more, at positions -1/2, 0, 1/2, ..., n - 1/2. Lattice units.
+  /// velocity: one value per node of the side, in order of the axes that it has (x before y before z). wall:
+  /// empty when at rest, else for the points -1/2, 0, 1/2, ..., n - 1/2 of each axis. Lattice units.
   std::vector<double> velocity_x;
   std::vector<double> velocity_y;
-  /// pressure: density excess rho' = 3 p per node, lattice units.
+  std::vector<double> velocity_z;  // three dimensions only
+  /// pressure, outflow: density excess rho' = 3 p per node, lattice units.
   std::vector<double> excess;
+  /// outflow: rate at which the pressure relaxes to the given one, per step.
+  double relaxation = 0;
+  std::vector<Moments> next;  // outflow: of each node, while a step is completed
 };
 
-using Sides = std::array<Side, 4>;
+using Sides = std::array<Side, 6>;
+
+/// Number of sides of a grid of this dimension.
+[[nodiscard]] constexpr int side_count(int dimension) {
+  return 2 * dimension;
+}
 
 /// Copies across periodic sides, reflects at walls. Called by every thread of a parallel region, before the
-/// links' rule. `parity` is the populations' own, which a parallel region changes only at its end. links'
-/// rule.
+/// links' rule. `parity` is the populations' own, which a parallel region changes only at its end.
 void exchange_and_reflect(Populations& populations, Parity parity, const Sides& sides);
 
-/// Completes the outermost nodes of velocity and pressure sides. After the links' rule, whose populations it
-/// needs.
-void complete_open_sides(Populations& populations, Parity parity, const Cells& cells, const Sides& sides,
-                         EquilibriumModel equilibrium);
+/// Completes the outermost nodes of open sides. After the links' rule, whose populations it needs.
+/// `acceleration` is the body force whose half is part of the velocity.
+void complete_open_sides(Populations& populations, Parity parity, const Cells& cells, Sides& sides,
+                         EquilibriumModel equilibrium, const std::array<double, 3>& acceleration = {});
 
 }  // namespace estuary::fluid

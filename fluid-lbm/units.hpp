@@ -24,8 +24,12 @@ struct Units {
   }
   /// Density excess rho' of a gauge pressure [Pa].
   [[nodiscard]] double excess(double pressure) const { return 3 * pressure / stress(); }
-  /// Newtons per metre of depth per lattice unit of force; times `spacing` for moments.
-  [[nodiscard]] double force() const { return stress() * spacing; }
+  /// Newtons (in two dimensions per metre of depth) per lattice unit of force; times `spacing` for moments.
+  [[nodiscard]] double force(int dimension = 2) const {
+    return dimension == 3 ? stress() * spacing * spacing : stress() * spacing;
+  }
+  /// Lattice units per m/s2.
+  [[nodiscard]] double acceleration_to_lattice() const { return time_step * time_step / spacing; }
   [[nodiscard]] double mach(double velocity) const {
     return velocity * velocity_to_lattice() * std::numbers::sqrt3;
   }

@@ -1,0 +1,47 @@
+// The grains that a partner moves through the fluid: where they are inside a window, and what they feel.
+//
+// Loads are means over the window's steps, so that impulse is conserved whatever the partner's steps are. The
+// fluid inside a grain moves along with it in the lattice; the force that this takes is not the
+// surrounding fluid's and is taken out: + rho_f V dv/dt, and for the torque rho_f I dw/dt (in the manner of
+// Feng, Michaelides, Comput. Fluids 38 (2009)).
+#pragma once
+
+#include <filesystem>
+#include <optional>
+
+#include "checkpoint.hpp"
+#include "flow.hpp"
+#include "grain_states.hpp"
+#include "participant.hpp"
+
+namespace estuary::fluid {
+
+class GrainCoupling {
+public:
+  /// Places the grains that `initial` brings; without any nothing here does anything.
+  void start(const v1::Exchange& initial, Flow& flow, const Units& units);
+  [[nodiscard]] bool active() const { return active_; }
+  /// The grains at the end of the window to come. Throws BadInput, and Diverged when one moves faster than
+  /// the lattice bears. In steady mode grains are held where they are.
+  void take(const v1::Exchange& inputs, double duration, bool steady);
+  /// No grain moves or turns in this window.
+  [[nodiscard]] bool resting() const;
+  /// Puts the grains back to the window's start and forgets what they felt.
+  void begin_window(Flow& flow);
+  void move_to(double fraction, Flow& flow);
+  /// Steady mode: the loads of the steps from now on.
+  void restart_loads(Flow& flow) const;
+  void write(const Flow& flow, v1::Exchange& outputs) const;
+  void accept() { start_ = end_; }
+  void save(CheckpointWriter& writer) const;
+  void load(const CheckpointReader& reader, Flow& flow);
+
+private:
+  bool active_ = false;
+  Units units_;
+  Grains start_;  // SI
+  Grains end_;
+  double duration_ = 0;
+};
+
+}  // namespace estuary::fluid

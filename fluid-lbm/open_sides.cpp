@@ -1,0 +1,242 @@
+// Completion of the nodes that lie on open sides.
+#include <cmath>
+
+#include "side_frame.hpp"
+#include "sides.hpp"
+
+namespace estuary::fluid {
+namespace {
+
+template <class Lattice>
+using Values = std::array<double, Lattice::count>;
+
+template <class Lattice>
+Values<Lattice> incoming_of(const Populations& p, Parity parity, std::ptrdiff_t node) {
+  Values<Lattice> f;
+  for (int i = 0; i < Lattice::count; ++i) f[static_cast<std::size_t>(i)] = p[p.incoming(parity, i, node)];
+  return f;
+}
+
+template <class Lattice>
+Values<Lattice> leaving_of(const Populations& p, Parity parity, std::ptrdiff_t node) {
+  Values<Lattice> f;
+  for (int i = 0; i < Lattice::count; ++i)
+    f[static_cast<std::size_t>(i)] = p[p.post_collision(parity, i, node)];
+  return f;
+}
+
+double component(const Moments& m, int axis) {
+  return axis == 0 ? m.momentum_x : (axis == 1 ? m.momentum_y : m.momentum_z);
+}
+
+struct Context {
+  const Side& side;
+  bool compressible;
+  const std::array<double, 3>& acceleration;
+};
+
+double inverse_of(const Context& context, double excess) {
+  return context.compressible ? Compressible::inverse_density(excess) : 1.0;
+}
+
+// Equilibrium with the moments given and the non-equilibrium part of the neighbour's populations.
+template <class Lattice>
+void impose(Populations& p, Parity parity, std::ptrdiff_t node, const Moments& wanted,
+            const Values<Lattice>& f, const Moments& m, const Context& context) {
+  const double inverse = inverse_of(context, m.excess);
+  const double wanted_inverse = inverse_of(context, wanted.excess);
+  for (int i = 0; i < Lattice::count; ++i) {
+    p[p.incoming(parity, i, node)] = equilibrium<Lattice>(i, wanted, wanted_inverse) +
+                                     f[static_cast<std::size_t>(i)] - equilibrium<Lattice>(i, m, inverse);
+  }
+}
+
+// The neighbour's velocity across the side and none along it, at another density.
+Moments with_velocity_of(const Moments& m, double excess, int axis, const Context& context) {
+  const double density = context.compressible ? 1 + excess : 1.0;
+  const double momentum = density * inverse_of(context, m.excess) * component(m, axis);
+  return {excess, axis == 0 ? momentum : 0.0, axis == 1 ? momentum : 0.0, axis == 2 ? momentum : 0.0};
+}
+
+// Density and velocity one step on, from the waves that leave and the one that the wanted pressure sends in.
+// Read from what left the node and its inner neighbour at the last step.
+template <class Lattice>
+Moments let_out(const Populations& p, Parity parity, std::ptrdiff_t node, std::ptrdiff_t inner, double excess,
+                const SideFrame& frame, const Context& context) {
+  const Moments here = moments_of<Lattice>(leaving_of<Lattice>(p, parity, node));
+  const Moments there = moments_of<Lattice>(leaving_of<Lattice>(p, parity, inner));
+  const double inverse = inverse_of(context, here.excess);
+  const double density = 1 / inverse;
+  const double there_inverse = inverse_of(context, there.excess);
+  constexpr double sound = 0.57735026918962576;
+  // Everything along the outward normal.
+  const double velocity = frame.outward * component(here, frame.axis) * inverse;
+  const double velocity_change = velocity - frame.outward * component(there, frame.axis) * there_inverse;
+  const double pressure_change = Lattice::sound_speed_squared * (here.excess - there.excess);
+  const double leaving = (velocity + sound) * (pressure_change + density * sound * velocity_change);
+  const double entering = context.side.relaxation * Lattice::sound_speed_squared * (here.excess - excess);
+  const double next_excess = here.excess - 0.5 * (leaving + entering) / Lattice::sound_speed_squared;
+  const double next_velocity = velocity - 0.5 * (leaving - entering) / (density * sound);
+  const double scale = context.compressible ? 1 + next_excess : 1.0;
+  std::array<double, 3> next{};
+  for (int axis = 0; axis < Lattice::dimension; ++axis) {
+    if (axis == frame.axis) {
+      next[static_cast<std::size_t>(axis)] = scale * frame.outward * next_velocity;
+      continue;
+    }
+    // Carried out by the flow; nothing is known of what would come in.
+    const double own = component(here, axis) * inverse;
+    const double change = own - component(there, axis) * there_inverse;
+    next[static_cast<std::size_t>(axis)] = scale * (own - std::max(velocity, 0.0) * change);
+  }
+  return {next_excess, next[0], next[1], next[2]};
+}
+
+// All populations from the moments and the stress of the known ones and of the unknown ones bounced back.
+template <class Lattice>
+void regularise(Populations& p, Parity parity, std::ptrdiff_t node, const Moments& m, double inverse) {
+  std::array<double, 6> stress{};
+  Values<Lattice> difference;
+  for (int i = 0; i < Lattice::count; ++i) {
+    difference[static_cast<std::size_t>(i)] =
+        p[p.incoming(parity, i, node)] - equilibrium<Lattice>(i, m, inverse);
+  }
+  constexpr std::array<std::array<std::size_t, 2>, 6> pairs{{{0, 0}, {1, 1}, {2, 2}, {0, 1}, {0, 2}, {1, 2}}};
+  for (std::size_t i = 1; i < Lattice::count; ++i) {
+    const auto& c = Lattice::velocity[i];
+    for (std::size_t k = 0; k < 6; ++k) stress[k] += c[pairs[k][0]] * c[pairs[k][1]] * difference[i];
+  }
+  for (std::size_t i = 0; i < Lattice::count; ++i) {
+    const auto& c = Lattice::velocity[i];
+    double sum = 0;
+    for (std::size_t k = 0; k < 6; ++k) {
+      const bool diagonal = k < 3;
+      if (diagonal && k >= Lattice::dimension) continue;
+      const double hermite = c[pairs[k][0]] * c[pairs[k][1]] - (diagonal ? 1.0 / 3.0 : 0.0);
+      sum += (diagonal ? 1.0 : 2.0) * hermite * stress[k];
+    }
+    p[p.incoming(parity, static_cast<int>(i), node)] =
+        equilibrium<Lattice>(static_cast<int>(i), m, inverse) + 4.5 * Lattice::weight[i] * sum;
+  }
+}
+
+template <class Lattice>
+void complete_node(Populations& p, Parity parity, std::ptrdiff_t node, std::size_t entry,
+                   const SideFrame& frame, const Context& context) {
+  const Side& side = context.side;
+  const auto normal_axis = static_cast<std::size_t>(frame.axis);
+  const auto f = incoming_of<Lattice>(p, parity, node);
+  double known = 0;
+  double leaving = 0;
+  std::array<double, 3> in_plane{};  // momentum along the side of what moves along it
+  for (std::size_t i = 0; i < Lattice::count; ++i) {
+    const auto& c = Lattice::velocity[i];
+    if (c[normal_axis] == 0) {
+      known += f[i];
+      for (std::size_t axis = 0; axis < 3; ++axis) in_plane[axis] += c[axis] * f[i];
+    } else if (c[normal_axis] == frame.outward) {
+      leaving += f[i];
+    }
+  }
+  std::array<double, 3> momentum{};  // wanted sum of c_i f_i
+  double excess = 0;
+  if (side.kind == SideKind::pressure || side.kind == SideKind::outflow) {
+    excess = side.excess[entry];
+    momentum[normal_axis] = -frame.outward * (excess - known - 2 * leaving);
+  } else {
+    const std::array<double, 3> velocity{side.velocity_x[entry], side.velocity_y[entry],
+                                         side.velocity_z.empty() ? 0.0 : side.velocity_z[entry]};
+    // The velocity holds half the body force, the populations do not.
+    const double half_force = 0.5 * context.acceleration[normal_axis];
+    const double inward = -frame.outward * (velocity[normal_axis] - half_force);
+    const double density = context.compressible ? (1 + known + 2 * leaving) / (1 - inward) : 1.0;
+    for (std::size_t axis = 0; axis < 3; ++axis)
+      momentum[axis] = density * (velocity[axis] - 0.5 * context.acceleration[axis]);
+    excess = known + 2 * leaving + density * inward;
+  }
+  for (std::size_t i = 1; i < Lattice::count; ++i) {
+    const auto& c = Lattice::velocity[i];
+    if (c[normal_axis] != -frame.outward) continue;
+    double value = f[static_cast<std::size_t>(Lattice::opposite[i])];
+    for (std::size_t axis = 0; axis < 3; ++axis) value += 6.0 * Lattice::weight[i] * c[axis] * momentum[axis];
+    for (std::size_t axis = 0; axis < 3; ++axis) {
+      if (axis == normal_axis || c[axis] == 0) continue;
+      value -= c[axis] * (0.5 * in_plane[axis] - momentum[axis] / 3.0);
+    }
+    p[p.incoming(parity, static_cast<int>(i), node)] = value;
+  }
+  if (side.kind == SideKind::regularised_velocity) {
+    regularise<Lattice>(p, parity, node, {excess, momentum[0], momentum[1], momentum[2]},
+                        inverse_of(context, excess));
+  }
+}
+
+// Nodes of a side exchange populations with each other and with the same inner nodes, so that all are looked
+// at before any is changed.
+template <class Lattice>
+void let_all_out(Populations& p, Parity parity, const Cells& cells, const SideFrame& frame, Side& side,
+                 const Context& context) {
+#pragma omp single
+  side.next.resize(static_cast<std::size_t>(frame.size()));
+#pragma omp for schedule(static)
+  for (int k = 0; k < frame.size(); ++k) {
+    const std::array<int, 3> at = frame.node(k);
+    const std::array<int, 3> inner = frame.inner(at);
+    if (!cells.fluid(at[0], at[1], at[2]) || !cells.fluid(inner[0], inner[1], inner[2])) continue;
+    const auto entry = static_cast<std::size_t>(k);
+    side.next[entry] =
+        let_out<Lattice>(p, parity, p.node(at[0], at[1], at[2]), p.node(inner[0], inner[1], inner[2]),
+                         side.excess[entry], frame, context);
+  }
+}
+
+template <class Lattice>
+void complete(Populations& p, Parity parity, const Cells& cells, int name, Side& side,
+              const Context& context) {
+  const SideFrame frame(name, {p.nx(), p.ny(), p.nz() > 0 ? p.nz() : 1});
+  const bool from_inside = side.kind == SideKind::pressure || side.kind == SideKind::outflow;
+  if (side.kind == SideKind::outflow) let_all_out<Lattice>(p, parity, cells, frame, side, context);
+#pragma omp for schedule(static) nowait
+  for (int k = 0; k < frame.size(); ++k) {
+    const std::array<int, 3> at = frame.node(k);
+    if (!cells.fluid(at[0], at[1], at[2])) continue;
+    const std::ptrdiff_t node = p.node(at[0], at[1], at[2]);
+    const std::array<int, 3> inner = frame.inner(at);
+    const auto entry = static_cast<std::size_t>(k);
+    if (from_inside && cells.fluid(inner[0], inner[1], inner[2])) {
+      const auto f = incoming_of<Lattice>(p, parity, p.node(inner[0], inner[1], inner[2]));
+      const Moments m = moments_of<Lattice>(f);
+      const Moments wanted = side.kind == SideKind::outflow
+                                 ? side.next[entry]
+                                 : with_velocity_of(m, side.excess[entry], frame.axis, context);
+      impose<Lattice>(p, parity, node, wanted, f, m, context);
+    } else {
+      complete_node<Lattice>(p, parity, node, entry, frame, context);
+    }
+  }
+}
+
+}  // namespace
+
+void complete_open_sides(Populations& populations, Parity parity, const Cells& cells, Sides& sides,
+                         EquilibriumModel equilibrium, const std::array<double, 3>& acceleration) {
+  const int dimension = populations.lattice().dimension;
+  const bool compressible = equilibrium == EquilibriumModel::compressible;
+  bool any = false;
+  for (int name = 0; name < side_count(dimension); ++name) {
+    Side& side = sides[static_cast<std::size_t>(name)];
+    if (!is_open(side.kind)) continue;
+    any = true;
+    const Context context{side, compressible, acceleration};
+    if (dimension == 3) {
+      complete<D3Q19>(populations, parity, cells, name, side, context);
+    } else {
+      complete<D2Q9>(populations, parity, cells, name, side, context);
+    }
+  }
+  if (any) {
+#pragma omp barrier
+  }
+}
+
+}  // namespace estuary::fluid

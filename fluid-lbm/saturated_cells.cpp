@@ -1,0 +1,259 @@
+#include "saturated_cells.hpp"
+
+#include <algorithm>
+#include <cmath>
+
+#include "solid_fraction.hpp"
+
+namespace estuary::fluid {
+namespace {
+
+// The periodic image inside the grid, or -1.
+int image(int at, int count, bool periodic) {
+  if (!periodic) return at >= 0 && at < count ? at : -1;
+  const int wrapped = at % count;
+  return wrapped < 0 ? wrapped + count : wrapped;
+}
+
+// The method's B.
+double weight_of(double fraction, double t) {
+  return fraction * t / (1 - fraction + t);
+}
+
+struct Range {
+  int begin;
+  int end;
+};
+
+// Nodes whose cells a grain can reach.
+Range reach(double centre, double radius, int count, bool periodic) {
+  const double low = std::floor(centre - radius - 0.5);
+  const double high = std::ceil(centre + radius + 0.5);
+  if (periodic) return {static_cast<int>(low), static_cast<int>(high) + 1};
+  return {static_cast<int>(std::clamp(low, 0.0, static_cast<double>(count))),
+          static_cast<int>(std::clamp(high + 1, 0.0, static_cast<double>(count)))};
+}
+
+}  // namespace
+
+SaturatedCells::SaturatedCells(const Grid& grid) : grid_(grid) {}
+
+void SaturatedCells::place(const Grains& grains, const Cells& cells) {
+  if (placed_ && grains == grains_) return;
+  placed_ = true;
+  if (grains.count() != grains_.count() || force_sum_.empty()) {
+    const std::size_t turns = grains.dimension == 3 ? 3 : 1;
+    force_sum_.assign(static_cast<std::size_t>(grains.dimension) * grains.count(), 0.0);
+    torque_sum_.assign(turns * grains.count(), 0.0);
+    steps_ = 0;
+  }
+  const bool moved = grains.centre != grains_.centre || grains.radius != grains_.radius;
+  grains_ = grains;
+  if (!moved) return;
+  if (cell_of_.empty()) cell_of_.assign(grid_.size(), -1);
+  find_covers(cells);
+  gather_cells();
+}
+
+void SaturatedCells::find_covers(const Cells& cells) {
+  const auto dimension = static_cast<std::size_t>(grains_.dimension);
+  const auto count = static_cast<std::ptrdiff_t>(grains_.count());
+  of_grain_.resize(grains_.count());
+#pragma omp parallel for schedule(static) if (count > 64)
+  for (std::ptrdiff_t g = 0; g < count; ++g) {
+    const auto grain = static_cast<std::size_t>(g);
+    auto& covers = of_grain_[grain];
+    covers.clear();
+    const double radius = grains_.radius[grain];
+    const double* centre = &grains_.centre[dimension * grain];
+    const double cz = dimension == 3 ? centre[2] : 0.0;
+    const Range xs = reach(centre[0], radius, grid_.nx, grid_.periodic_x);
+    const Range ys = reach(centre[1], radius, grid_.ny, grid_.periodic_y);
+    const Range zs = dimension == 3 ? reach(cz, radius, grid_.nz, grid_.periodic_z) : Range{0, 1};
+    for (int z = zs.begin; z < zs.end; ++z) {
+      const int k = dimension == 3 ? image(z, grid_.nz, grid_.periodic_z) : 0;
+      for (int y = ys.begin; y < ys.end; ++y) {
+        const int j = image(y, grid_.ny, grid_.periodic_y);
+        for (int x = xs.begin; x < xs.end; ++x) {
+          const int i = image(x, grid_.nx, grid_.periodic_x);
+          if (!cells.fluid(i, j, k)) continue;
+          const std::array<double, 3> arm{x - centre[0], y - centre[1], dimension == 3 ? z - cz : 0.0};
+          const double fraction = dimension == 3 ? sphere_fraction(arm[0], arm[1], arm[2], radius)
+                                                 : disc_fraction(arm[0], arm[1], radius);
+          if (fraction > 0) covers.push_back({static_cast<std::int32_t>(g), {i, j, k}, fraction, arm});
+        }
+      }
+    }
+  }
+  covers_.clear();
+  first_of_grain_.assign(1, 0);
+  for (const auto& covers : of_grain_) {
+    covers_.insert(covers_.end(), covers.begin(), covers.end());
+    first_of_grain_.push_back(covers_.size());
+  }
+}
+
+void SaturatedCells::gather_cells() {
+  cells_.clear();
+  for (const Cover& cover : covers_) {
+    const std::size_t place = grid_.index(cover.node.x, cover.node.y, cover.node.z);
+    std::int32_t& number = cell_of_[place];
+    if (number < 0) {
+      number = static_cast<std::int32_t>(cells_.size());
+      cells_.push_back({static_cast<std::ptrdiff_t>(place), 0, 0, 0});
+    }
+    Cell& cell = cells_[static_cast<std::size_t>(number)];
+    ++cell.count;
+    cell.fraction += cover.fraction;
+  }
+  std::uint32_t next = 0;
+  for (Cell& cell : cells_) {
+    cell.first = next;
+    next += cell.count;
+    cell.count = 0;
+  }
+  order_.resize(covers_.size());
+  for (std::size_t n = 0; n < covers_.size(); ++n) {
+    const Node node = covers_[n].node;
+    Cell& cell = cells_[static_cast<std::size_t>(cell_of_[grid_.index(node.x, node.y, node.z)])];
+    order_[cell.first + cell.count++] = static_cast<std::uint32_t>(n);
+  }
+  for (const Cell& cell : cells_) cell_of_[static_cast<std::size_t>(cell.node)] = -1;
+  for (Cell& cell : cells_) {
+    if (cell.fraction <= 1) continue;
+    for (std::uint32_t k = 0; k < cell.count; ++k) covers_[order_[cell.first + k]].fraction /= cell.fraction;
+    cell.fraction = 1;
+  }
+  kept_.resize(cells_.size() * static_cast<std::size_t>(lattice_of_dimension(grains_.dimension).count));
+  push_.assign(3 * covers_.size(), 0.0);
+}
+
+void SaturatedCells::keep(const Populations& populations, Parity parity) {
+  const auto count = static_cast<std::size_t>(populations.lattice().count);
+#pragma omp for schedule(static)
+  for (std::size_t n = 0; n < cells_.size(); ++n) {
+    const Node at = covers_[order_[cells_[n].first]].node;
+    const std::ptrdiff_t node = populations.node(at.x, at.y, at.z);
+    for (std::size_t i = 0; i < count; ++i) {
+      kept_[count * n + i] = populations[populations.incoming(parity, static_cast<int>(i), node)];
+    }
+  }
+}
+
+template <class Lattice>
+void SaturatedCells::replace_all(Populations& populations, Parity parity,
+                                 const CollisionParameters& parameters, EquilibriumModel equilibrium_model) {
+  constexpr auto count = static_cast<std::size_t>(Lattice::count);
+  constexpr auto dimension = static_cast<std::size_t>(Lattice::dimension);
+  const double t = 1.0 / parameters.rates.even - 0.5;
+  const bool compressible = equilibrium_model == EquilibriumModel::compressible;
+#pragma omp for schedule(static)
+  for (std::size_t n = 0; n < cells_.size(); ++n) {
+    const Cell& cell = cells_[n];
+    const Node at = covers_[order_[cell.first]].node;
+    const std::ptrdiff_t node = populations.node(at.x, at.y, at.z);
+    std::array<double, count> f;
+    for (std::size_t i = 0; i < count; ++i) f[i] = kept_[count * n + i];
+    // Without half the body force: the rule sets the populations' momentum.
+    const Moments m = moments_of<Lattice>(f);
+    const double density = compressible ? 1 + m.excess : 1.0;
+    const double inverse = 1 / density;
+    const double weight = weight_of(cell.fraction, t);
+    // What is there now is the fluid's own collision.
+    std::array<double, count> result;
+    for (std::size_t i = 0; i < count; ++i) {
+      const auto o = Lattice::opposite[i];
+      result[i] = (1 - weight) * populations[populations.incoming(parity, o, node)] +
+                  weight * (f[static_cast<std::size_t>(o)] - equilibrium<Lattice>(o, m, inverse));
+    }
+    for (std::uint32_t k = cell.first; k < cell.first + cell.count; ++k) {
+      const Cover& cover = covers_[order_[k]];
+      const auto grain = static_cast<std::size_t>(cover.grain);
+      const double share = weight * cover.fraction / cell.fraction;
+      const double* v = &grains_.velocity[dimension * grain];
+      Moments solid{m.excess, 0, 0, 0};
+      if constexpr (dimension == 3) {
+        const double* w = &grains_.spin[3 * grain];
+        solid.momentum_x = density * (v[0] + w[1] * cover.arm[2] - w[2] * cover.arm[1]);
+        solid.momentum_y = density * (v[1] + w[2] * cover.arm[0] - w[0] * cover.arm[2]);
+        solid.momentum_z = density * (v[2] + w[0] * cover.arm[1] - w[1] * cover.arm[0]);
+      } else {
+        const double w = grains_.spin[grain];
+        solid.momentum_x = density * (v[0] - w * cover.arm[1]);
+        solid.momentum_y = density * (v[1] + w * cover.arm[0]);
+      }
+      std::array<double, 3> push{};
+      for (std::size_t i = 0; i < count; ++i) {
+        const auto o = Lattice::opposite[i];
+        const double wanted = equilibrium<Lattice>(static_cast<int>(i), solid, inverse);
+        result[i] += share * wanted;
+        const double change =
+            f[static_cast<std::size_t>(o)] - f[i] + wanted - equilibrium<Lattice>(o, m, inverse);
+        for (std::size_t axis = 0; axis < 3; ++axis)
+          push[axis] -= share * Lattice::velocity[i][axis] * change;
+      }
+      for (std::size_t axis = 0; axis < 3; ++axis) push_[3 * order_[k] + axis] = push[axis];
+    }
+    for (std::size_t i = 0; i < count; ++i) {
+      populations[populations.incoming(parity, Lattice::opposite[i], node)] = result[i];
+    }
+  }
+#pragma omp for schedule(static)
+  for (std::size_t grain = 0; grain < grains_.count(); ++grain) {
+    for (std::size_t n = first_of_grain_[grain]; n < first_of_grain_[grain + 1]; ++n) {
+      const double* push = &push_[3 * n];
+      const auto& arm = covers_[n].arm;
+      for (std::size_t axis = 0; axis < dimension; ++axis) force_sum_[dimension * grain + axis] += push[axis];
+      const double about_z = arm[0] * push[1] - arm[1] * push[0];
+      if constexpr (dimension == 3) {
+        torque_sum_[3 * grain] += arm[1] * push[2] - arm[2] * push[1];
+        torque_sum_[3 * grain + 1] += arm[2] * push[0] - arm[0] * push[2];
+        torque_sum_[3 * grain + 2] += about_z;
+      } else {
+        torque_sum_[grain] += about_z;
+      }
+    }
+  }
+#pragma omp single
+  ++steps_;
+}
+
+void SaturatedCells::replace(Populations& populations, Parity parity, const CollisionParameters& parameters,
+                             EquilibriumModel equilibrium_model) {
+  if (populations.lattice().dimension == 3) {
+    replace_all<D3Q19>(populations, parity, parameters, equilibrium_model);
+  } else {
+    replace_all<D2Q9>(populations, parity, parameters, equilibrium_model);
+  }
+}
+
+void SaturatedCells::unshift(Fields& fields, const std::array<double, 3>& shift, double even_rate) const {
+  for (const Cell& cell : cells_) {
+    const auto k = static_cast<std::size_t>(cell.node);
+    const double weight = weight_of(cell.fraction, 1.0 / even_rate - 0.5);
+    fields.velocity_x[k] -= weight * shift[0];
+    fields.velocity_y[k] -= weight * shift[1];
+    if (!fields.velocity_z.empty()) fields.velocity_z[k] -= weight * shift[2];
+  }
+}
+
+GrainLoads SaturatedCells::mean_loads() const {
+  GrainLoads loads{force_sum_, torque_sum_};
+  const double scale = steps_ > 0 ? 1.0 / static_cast<double>(steps_) : 0.0;
+  for (double& value : loads.force) value *= scale;
+  for (double& value : loads.torque) value *= scale;
+  return loads;
+}
+
+void SaturatedCells::restart_loads() {
+  std::fill(force_sum_.begin(), force_sum_.end(), 0.0);
+  std::fill(torque_sum_.begin(), torque_sum_.end(), 0.0);
+  steps_ = 0;
+}
+
+void SaturatedCells::fractions(std::vector<double>& shares) const {
+  shares.assign(grid_.size(), 0.0);
+  for (const Cell& cell : cells_) shares[static_cast<std::size_t>(cell.node)] = cell.fraction;
+}
+
+}  // namespace estuary::fluid
