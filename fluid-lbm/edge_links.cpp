@@ -16,6 +16,8 @@ constexpr double full_reach = 2.0;
 constexpr double reach = 3.5;
 // A diagonal link from a node in reach ends this much further out.
 constexpr double link_length = 1.5;
+// Distance from the surface within which links end that may close [spacings].
+constexpr double near_surface = 1 + link_length;
 
 std::size_t index_of(Parity parity) {
   return parity == Parity::even ? 0 : 1;
@@ -80,45 +82,52 @@ void EdgeLinks::find_edges(const Surface& surface) {
   }
 }
 
-void EdgeLinks::find_near_nodes(const Surface& surface, const Cells& cells) {
+void EdgeLinks::see(const Segment& s, int x, int y, const Surface& surface, const Cells& cells) {
   const Grid& grid = cells.grid();
-  const auto in_reach = [](double a, double b) { return std::abs(a - b) <= reach + link_length; };
-  for (const Edge& edge : edges_) {
-    if (!(std::abs(edge.x) < 1e8 && std::abs(edge.y) < 1e8)) continue;
-    const double box = reach + link_length;
-    for (int j = static_cast<int>(std::ceil(edge.y - box)); j <= static_cast<int>(std::floor(edge.y + box));
-         ++j) {
-      for (int i = static_cast<int>(std::ceil(edge.x - box)); i <= static_cast<int>(std::floor(edge.x + box));
-           ++i) {
-        const int x = grid.wrap_x(i);
-        const int y = grid.wrap_y(j);
-        if (!grid.inside(x, y) || !cells.fluid(x, y)) continue;
-        auto& known = near_node_of_[static_cast<std::size_t>(y) * static_cast<std::size_t>(grid.nx) +
-                                    static_cast<std::size_t>(x)];
-        const double to_edge = std::hypot(i - edge.x, j - edge.y);
-        const double nearness =
-            edge.strength * std::clamp((reach - to_edge) / (reach - full_reach), 0.0, 1.0);
-        if (known >= 0) {
-          double& so_far = near_nodes_[static_cast<std::size_t>(known)].edge;
-          so_far = std::max(so_far, nearness);
-          continue;
-        }
-        known = static_cast<std::int32_t>(near_nodes_.size());
-        NearNode near{{x, y}, std::numeric_limits<double>::infinity(), nearness, 0, 0};
-        for (const Segment& s : surface.segments()) {
-          const bool beside = (s.ax > i) == (s.bx > i) && !in_reach(s.ax, i) && !in_reach(s.bx, i);
-          const bool above = (s.ay > j) == (s.by > j) && !in_reach(s.ay, j) && !in_reach(s.by, j);
-          if (beside || above) continue;
-          double along = 0;
-          const double distance = distance_to(s, i, j, along);
-          if (distance >= near.distance) continue;
-          const auto& v = surface.velocities();
-          near.distance = distance;
-          near.velocity_x = (1 - along) * v[2 * s.a] + along * v[2 * s.b];
-          near.velocity_y = (1 - along) * v[2 * s.a + 1] + along * v[2 * s.b + 1];
-        }
-        near_nodes_.push_back(near);
+  const int column = grid.wrap_x(x);
+  const int row = grid.wrap_y(y);
+  if (!grid.inside(column, row) || !cells.fluid(column, row)) return;
+  double along = 0;
+  const double distance = distance_to(s, x, y, along);
+  if (distance >= near_surface) return;
+  auto& known = near_node_of_[static_cast<std::size_t>(row) * static_cast<std::size_t>(grid.nx) +
+                              static_cast<std::size_t>(column)];
+  if (known < 0) {
+    double edge = 0;
+    for (const Edge& at : edges_) {
+      const double to_edge = std::hypot(x - at.x, y - at.y);
+      edge = std::max(edge, at.strength * std::clamp((reach - to_edge) / (reach - full_reach), 0.0, 1.0));
+    }
+    known = static_cast<std::int32_t>(near_nodes_.size());
+    near_nodes_.push_back({{column, row}, near_surface, edge, everywhere_ ? 1.0 : edge, 0, 0});
+  }
+  NearNode& near = near_nodes_[static_cast<std::size_t>(known)];
+  if (distance >= near.distance) return;
+  const auto& v = surface.velocities();
+  near.distance = distance;
+  near.velocity_x = (1 - along) * v[2 * s.a] + along * v[2 * s.b];
+  near.velocity_y = (1 - along) * v[2 * s.a + 1] + along * v[2 * s.b + 1];
+}
+
+void EdgeLinks::find_near_nodes(const Surface& surface, const Cells& cells) {
+  for (const Segment& s : near_segments_) {
+    const double low = std::min(s.ay, s.by);
+    const double high = std::max(s.ay, s.by);
+    if (!(std::abs(s.ax) < 1e8 && std::abs(s.bx) < 1e8 && low > -1e8 && high < 1e8)) continue;
+    const int y_last = static_cast<int>(std::floor(high + near_surface));
+    for (int y = static_cast<int>(std::ceil(low - near_surface)); y <= y_last; ++y) {
+      // The part of the segment that this row comes near to.
+      double left = std::min(s.ax, s.bx);
+      double right = std::max(s.ax, s.bx);
+      if (high > low) {
+        const double from = std::clamp((y - near_surface - s.ay) / (s.by - s.ay), 0.0, 1.0);
+        const double to = std::clamp((y + near_surface - s.ay) / (s.by - s.ay), 0.0, 1.0);
+        left = std::min(s.ax + from * (s.bx - s.ax), s.ax + to * (s.bx - s.ax));
+        right = std::max(s.ax + from * (s.bx - s.ax), s.ax + to * (s.bx - s.ax));
       }
+      const int x_last = static_cast<int>(std::floor(right + near_surface));
+      for (int x = static_cast<int>(std::ceil(left - near_surface)); x <= x_last; ++x)
+        see(s, x, y, surface, cells);
     }
   }
 }
@@ -132,6 +141,103 @@ const EdgeLinks::NearNode* EdgeLinks::find(const Grid& grid, int x, int y) const
   return known < 0 ? nullptr : &near_nodes_[static_cast<std::size_t>(known)];
 }
 
+void EdgeLinks::find_near_segments(const Surface& surface) {
+  near_segments_.clear();
+  constexpr double box = reach + link_length + near_surface;
+  for (const Segment& s : surface.segments()) {
+    const bool near = everywhere_ || std::any_of(edges_.begin(), edges_.end(), [&](const Edge& edge) {
+                        return std::min(s.ax, s.bx) <= edge.x + box && std::max(s.ax, s.bx) >= edge.x - box &&
+                               std::min(s.ay, s.by) <= edge.y + box && std::max(s.ay, s.by) >= edge.y - box;
+                      });
+    if (near) near_segments_.push_back(s);
+  }
+}
+
+EdgeLinks::Chord EdgeLinks::chord_of(const NearNode& from, int direction) const {
+  const auto& c = D2Q9::velocity[static_cast<std::size_t>(direction)];
+  Chord chord{2, -1};
+  for (const Segment& s : near_segments_) {
+    // Solves from + q c = a + along (b - a).
+    const double tx = s.bx - s.ax;
+    const double ty = s.by - s.ay;
+    const double determinant = c[1] * tx - c[0] * ty;
+    if (determinant == 0) continue;
+    const double dx = s.ax - from.node.x;
+    const double dy = s.ay - from.node.y;
+    const double q = (dy * tx - dx * ty) / determinant;
+    if (!(q >= 0 && q <= 1)) continue;
+    const double along = (c[0] * dy - c[1] * dx) / determinant;
+    if (!(along >= 0 && along <= 1)) continue;
+    chord.begin = std::min(chord.begin, q);
+    chord.end = std::max(chord.end, q);
+  }
+  return chord.end > chord.begin ? chord : Chord{};
+}
+
+void EdgeLinks::add(const NearNode& from, const NearNode& to, int i, const Cells& cells,
+                    const Populations& layout) {
+  const auto direction = static_cast<std::size_t>(i);
+  const auto& c = D2Q9::velocity[direction];
+  const double length = std::hypot(c[0], c[1]);
+  Chord chord;
+  if (from.distance < length && to.distance < length) chord = chord_of(from, i);
+  const double inside = length * (chord.end - chord.begin);
+  double cut = 0;
+  if (inside > 0) {
+    const double soft = std::max(from.edge, to.edge) * (0.5 + 4 * std::min(from.distance, to.distance));
+    cut = inside < soft ? inside / soft : 1.0;
+  }
+  const double b_from = from.strength * std::max(0.0, 1 - from.distance);
+  const double b_to = to.strength * std::max(0.0, 1 - to.distance);
+  double fading = 0;
+  if (b_to > b_from && from.distance > to.distance) fading = (1 - cut) * (b_to - b_from) / (1 - b_from);
+  const double share = cut + fading;
+  if (share <= 0) return;
+
+  const int o = D2Q9::opposite[direction];
+  const std::ptrdiff_t node = layout.node(from.node.x, from.node.y);
+  Closing closing{.node = from.node,
+                  .direction = i,
+                  .share = share,
+                  .velocity_x = to.velocity_x,
+                  .velocity_y = to.velocity_y,
+                  .leaving = {},
+                  .second = {},
+                  .behind = {},
+                  .incoming = {}};
+  closing.place = fading / share;
+  if (fading > 0) {
+    const double weight = (from.distance - to.distance) / (2 * from.distance);  // 1 / (2 q)
+    closing.weight_leaving += fading / share * weight;
+    closing.weight_second += fading / share * (1 - weight);
+    closing.weight_wall += fading / share * weight;
+  }
+  if (cut > 0) {
+    double q = chord.begin;
+    if (q < 0.5 && !cells.fluid(from.node.x - c[0], from.node.y - c[1])) q = 0.5;
+    const double part = cut / share;
+    closing.place += part * q;
+    if (q < 0.5) {
+      closing.weight_leaving += part * 2 * q;
+      closing.weight_behind += part * (1 - 2 * q);
+      closing.weight_wall += part;
+    } else {
+      closing.weight_leaving += part / (2 * q);
+      closing.weight_second += part * (1 - 1 / (2 * q));
+      closing.weight_wall += part / (2 * q);
+    }
+  }
+  for (const Parity parity : {Parity::even, Parity::odd}) {
+    const std::size_t k = index_of(parity);
+    closing.leaving[k] = layout.post_collision(parity, i, node);
+    closing.second[k] = layout.post_collision(parity, o, node);
+    closing.behind[k] = layout.incoming(parity, i, node);
+    closing.incoming[k] = layout.incoming(parity, o, node);
+  }
+  closing.wall = -6.0 * D2Q9::weight[direction] * (c[0] * to.velocity_x + c[1] * to.velocity_y);
+  closings_.push_back(closing);
+}
+
 void EdgeLinks::build(const Surface& surface, const Cells& cells, const Populations& layout) {
   const Grid& grid = cells.grid();
   for (const NearNode& near : near_nodes_) {
@@ -141,42 +247,17 @@ void EdgeLinks::build(const Surface& surface, const Cells& cells, const Populati
   near_nodes_.clear();
   closings_.clear();
   find_edges(surface);
-  if (edges_.empty()) return;
+  if (edges_.empty() && !everywhere_) return;
   if (near_node_of_.empty()) {
     near_node_of_.assign(static_cast<std::size_t>(grid.nx) * static_cast<std::size_t>(grid.ny), -1);
   }
+  find_near_segments(surface);
   find_near_nodes(surface, cells);
-  for (const NearNode& nearer : near_nodes_) {
-    const double b_nearer = nearer.edge * (1 - nearer.distance);
-    if (b_nearer <= 0) continue;
+  for (const NearNode& from : near_nodes_) {
     for (int i = 1; i < D2Q9::count; ++i) {
-      const auto direction = static_cast<std::size_t>(i);
-      const auto& c = D2Q9::velocity[direction];
-      const NearNode* further = find(grid, nearer.node.x - c[0], nearer.node.y - c[1]);
-      if (further == nullptr) continue;
-      const double b_further = further->edge * std::max(0.0, 1 - further->distance);
-      if (b_nearer <= b_further || further->distance <= nearer.distance) continue;
-      const double q = further->distance / (further->distance - nearer.distance);
-      const int o = D2Q9::opposite[direction];
-      const std::ptrdiff_t node = layout.node(further->node.x, further->node.y);
-      Closing closing{further->node,
-                      i,
-                      (b_nearer - b_further) / (1 - b_further),
-                      nearer.velocity_x,
-                      nearer.velocity_y,
-                      {},
-                      {},
-                      {},
-                      1 / (2 * q),
-                      0};
-      for (const Parity parity : {Parity::even, Parity::odd}) {
-        const std::size_t k = index_of(parity);
-        closing.leaving[k] = layout.post_collision(parity, i, node);
-        closing.second[k] = layout.post_collision(parity, o, node);
-        closing.incoming[k] = layout.incoming(parity, o, node);
-      }
-      closing.wall = -6.0 * D2Q9::weight[direction] * (c[0] * nearer.velocity_x + c[1] * nearer.velocity_y);
-      closings_.push_back(closing);
+      const auto& c = D2Q9::velocity[static_cast<std::size_t>(i)];
+      const NearNode* to = find(grid, from.node.x + c[0], from.node.y + c[1]);
+      if (to != nullptr) add(from, *to, i, cells, layout);
     }
   }
   open_values_.assign(closings_.size(), 0.0);
@@ -200,8 +281,8 @@ void EdgeLinks::close(Populations& populations, Parity parity, bool compressible
     const double open = f[closing.incoming[k]];
     const double leaving = f[closing.leaving[k]];
     const double wall = closing.wall * density;
-    const double closed =
-        closing.weight_leaving * (leaving + wall) + (1 - closing.weight_leaving) * f[closing.second[k]];
+    const double closed = closing.weight_leaving * leaving + closing.weight_second * f[closing.second[k]] +
+                          closing.weight_behind * f[closing.behind[k]] + closing.weight_wall * wall;
     open_values_[n] = open;
     closed_values_[n] = (1 - closing.share) * open + closing.share * closed;
     gained_[n] = closing.share * (closed - leaving - wall);
@@ -232,7 +313,8 @@ Force EdgeLinks::force() const {
     const double fy = taken * (-c[1] - closing.velocity_y);
     total.x += fx;
     total.y += fy;
-    total.moment += (closing.node.x + c[0]) * fy - (closing.node.y + c[1]) * fx;
+    total.moment +=
+        (closing.node.x + closing.place * c[0]) * fy - (closing.node.y + closing.place * c[1]) * fx;
   }
   return total;
 }

@@ -56,8 +56,10 @@ void Flow::set_obstacles(std::size_t nodes, std::vector<std::uint32_t> connectiv
   obstacle_edges_.build(*obstacles_, cells_, populations_);
 }
 
-void Flow::set_wet_surface(std::size_t nodes, std::vector<std::uint32_t> connectivity) {
+void Flow::set_wet_surface(std::size_t nodes, std::vector<std::uint32_t> connectivity,
+                           EdgeLinks::Extent closing) {
   wet_.emplace(grid(), nodes, std::move(connectivity));
+  wet_edges_ = EdgeLinks(closing);
   placed_.clear();
 }
 

@@ -66,8 +66,9 @@ public:
   /// Fixed obstacles: closed outlines, walked clockwise. To be called before the first step.
   void set_obstacles(std::size_t nodes, std::vector<std::uint32_t> connectivity,
                      std::span<const double> positions);
-  /// The wet surface, not yet anywhere.
-  void set_wet_surface(std::size_t nodes, std::vector<std::uint32_t> connectivity);
+  /// The wet surface, not yet anywhere, and where its links close gradually (edge_links.hpp).
+  void set_wet_surface(std::size_t nodes, std::vector<std::uint32_t> connectivity,
+                       EdgeLinks::Extent closing = EdgeLinks::Extent::edges);
   /// Moves the wet surface and gives populations to the nodes it leaves. Does nothing when it is where it
   /// was.
   MoveCounts move_wet_surface(std::span<const double> positions, std::span<const double> velocities,

@@ -95,8 +95,9 @@ void Fluid::take_surface(const v1::Exchange& initial) {
   surface_ = initial.wet_surface();
   if (surface_.dimension() != 2)
     throw BadInput("initial.wet_surface.dimension", "this fluid works in two dimensions");
-  flow_->set_wet_surface(node_count(surface_),
-                         {surface_.connectivity().begin(), surface_.connectivity().end()});
+  flow_->set_wet_surface(
+      node_count(surface_), {surface_.connectivity().begin(), surface_.connectivity().end()},
+      scene_.mode == Mode::steady ? EdgeLinks::Extent::everywhere : EdgeLinks::Extent::edges);
   accepted_.displacement.assign(static_cast<std::size_t>(surface_.reference_positions_size()), 0.0);
   accepted_.velocity = accepted_.displacement;
   if (initial.has_displacements()) accepted_ = motion_of(initial);
