@@ -7,6 +7,7 @@
 #include <cmath>
 
 #include "failure.hpp"
+#include "grain_fields.hpp"
 #include "load_transfer.hpp"
 #include "wet_surface.hpp"
 
@@ -90,6 +91,7 @@ CouplingLoop::CouplingLoop(const CouplingScene& scene, Participants& participant
       bar_(bar),
       fluid_(participants.find("fluid")),
       solid_(participants.find("solid")),
+      grains_(participants.find("grains")),
       acceleration_(make_acceleration({.kind = scene.acceleration,
                                        .relaxation = scene.relaxation,
                                        .windows_reused = static_cast<std::size_t>(scene.windows_reused)})) {}
@@ -109,7 +111,9 @@ void CouplingLoop::run() {
   write_frames(0.0);
   for (position_.window = 1; position_.window <= scene_.windows; ++position_.window) {
     acceleration_->begin_window();
-    if (fluid_ != nullptr && solid_ != nullptr) {
+    if (grains_ != nullptr && participants_.all().size() > 1) {
+      compute_with_grains();
+    } else if (fluid_ != nullptr && solid_ != nullptr) {
       compute_coupled();
     } else {
       compute_alone(*participants_.all().front());
@@ -129,11 +133,20 @@ void CouplingLoop::start() {
     *request.mutable_start()->mutable_initial() = std::move(initial);
     return participants_.ask(participant, std::move(request), position_).started().initial();
   };
-  // The solid brings the wet surface, so it starts first; the fluid starts around it.
+  // The solid brings the wet surface and the grains their states, so they start first; the fluid starts
+  // around them.
   v1::Exchange solid_brings;
   if (solid_ != nullptr) solid_brings = ask_start(*solid_, {});
-  if (fluid_ == nullptr) return;
   v1::Exchange for_fluid;
+  if (grains_ != nullptr) {
+    const v1::Exchange grains_bring = ask_start(*grains_, {});
+    if (fluid_ != nullptr) {
+      grain_states_ = grains_bring.grain_states();
+      check_grain_states(grain_states_, scene_.dimension, position_);
+      *for_fluid.mutable_grain_states() = grain_states_;
+    }
+  }
+  if (fluid_ == nullptr) return;
   if (solid_ != nullptr) {
     if (!solid_brings.has_wet_surface() || !solid_brings.has_displacements()) {
       throw RunFailure(ExitStatus::wrong_scene,
@@ -183,6 +196,27 @@ void CouplingLoop::compute_alone(RemoteParticipant& participant) {
   accept();
   record_watches(advanced, window_end());
   finish_window("alone", advanced.remaining_error(), seconds_since(begin));
+  frames_if_due(position_.window, window_end());
+}
+
+void CouplingLoop::compute_with_grains() {
+  const auto begin = steady_clock::now();
+  position_.iteration = 1;
+  ++total_iterations_;
+  bar_.begin(position_);
+  v1::Exchange to_fluid;
+  *to_fluid.mutable_grain_states() = grain_states_;
+  const v1::Advanced fluid = advance(*fluid_, std::move(to_fluid));
+  check_grain_forces(fluid.outputs().grain_forces(), grain_states_, position_);
+  v1::Exchange to_grains;
+  *to_grains.mutable_grain_forces() = fluid.outputs().grain_forces();
+  const v1::Advanced grains = advance(*grains_, std::move(to_grains));
+  check_grain_states(grains.outputs().grain_states(), scene_.dimension, position_);
+  grain_states_ = grains.outputs().grain_states();
+  accept();
+  record_watches(fluid, window_end());
+  record_watches(grains, window_end());
+  finish_window("explicit", 0.0, seconds_since(begin));
   frames_if_due(position_.window, window_end());
 }
 

@@ -9,6 +9,10 @@
 //       stop when |H(x) - x| < tolerance |H(x)|   (L2 over the wet nodes; in transient mode of the velocity,
 //       too) x       = acceleration(x, H(x) - x)
 //
+// Grains are coupled explicitly, once per window (the scheme of Cook, Noble & Williams 2004 and of most
+// DEM-LBM codes; the window is usually one fluid step): the fluid moves round the grains as they are, its
+// forces then move the grains through the same window in as many steps as their contacts need.
+//
 // In transient mode an iteration goes back to the window's start and x holds displacement and velocity at its
 // end; in steady mode each solver finds its equilibrium and there is one window.
 #pragma once
@@ -45,6 +49,7 @@ private:
   void start();
   void compute_alone(RemoteParticipant& participant);
   void compute_coupled();
+  void compute_with_grains();
   Verdict iterate(Motion& motion, IterationRow& row);
   v1::Advanced advance(RemoteParticipant& participant, v1::Exchange inputs);
   [[nodiscard]] Motion predict() const;
@@ -63,11 +68,13 @@ private:
   ProgressBar& bar_;
   RemoteParticipant* fluid_;
   RemoteParticipant* solid_;
+  RemoteParticipant* grains_;
   std::unique_ptr<Acceleration> acceleration_;
   v1::WetSurface surface_;
-  Motion accepted_;             // at the start of the window
-  std::vector<double> forces_;  // of the last iteration
-  v1::Advanced last_fluid_;     // for the watches, which are recorded once accepted
+  Motion accepted_;               // at the start of the window
+  std::vector<double> forces_;    // of the last iteration
+  v1::GrainStates grain_states_;  // at the start of the window
+  v1::Advanced last_fluid_;       // for the watches, which are recorded once accepted
   v1::Advanced last_solid_;
   Position position_;
   std::uint64_t total_iterations_ = 0;

@@ -117,7 +117,8 @@ void read_watches(SceneTable& root, CouplingScene& result) {
     if (table.has("angular_frequency"))
       watch.angular_frequency = table.number("angular_frequency", Range::positive());
     watch.from_time = table.number_or("from_time", 0.0, Range::not_negative());
-    table.leave_to_others({"point", "line", "samples"});  // where to look is the participant's business
+    // Where to look is the participant's business.
+    table.leave_to_others({"point", "line", "samples", "grain", "wall", "from", "to"});
     if (watch.name.find_first_not_of("abcdefghijklmnopqrstuvwxyzABCDEFGHIJKLMNOPQRSTUVWXYZ0123456789_-") !=
         std::string::npos) {
       table.problem("name", "a watch is named with letters, digits, '_' and '-': it becomes a file name");
@@ -203,6 +204,13 @@ CouplingScene read_coupling_scene(Scene& scene) {
   result.dimension = static_cast<int>(root.integer_or("dimension", 2, 2, 3));
   read_participants(root, result);
   read_coupling(root.table("coupling"), result);
+  if (result.find("grains") != nullptr) {
+    if (result.mode == CouplingMode::steady)
+      root.table("coupling")
+          .problem("mode", "grains move in time: use \"transient\" with `window` and `end_time`");
+    if (result.find("solid") != nullptr)
+      root.table("grains").problem("", "grains are coupled with a fluid, or run alone; not yet with a solid");
+  }
   if (auto output = root.table_if("output")) {
     result.frames = output->boolean_or("frames", true);
     result.frame_interval =

@@ -1,0 +1,82 @@
+// Sweeps over the pairs and the wall contacts: each law is one compiled variant, chosen once.
+#pragma once
+
+#include <array>
+#include <vector>
+
+#include "neighbours.hpp"
+#include "state.hpp"
+#include "walls.hpp"
+
+namespace estuary::grains {
+
+/// What a sweep reads besides the state.
+template <int D>
+struct SweepInput {
+  ContactConstants constants;
+  double dt = 0;
+  std::array<Vector<D>, kImages<D>> shift{};
+};
+
+/// One touching contact, measured without moving its history on.
+template <int D>
+struct ContactRecord {
+  std::uint32_t i = 0;
+  std::uint32_t j = 0;  // the other grain, or the wall
+  bool with_wall = false;
+  ContactKinematics<D> kinematics{};
+  ContactForce<D> force{};
+  Vector<D> branch{};  // from the centre of i to that of j, or to the wall
+  double energy = 0;   // stored [J]
+};
+
+template <int D>
+struct LawFunctions {
+  /// Forces of the pairs in rows of one block: added to its own grains, written to `cross` for others.
+  void (*sweep_pairs)(const SweepInput<D>&, std::size_t block, State<D>&, CrossForces<D>&,
+                      EnergyLedger&) = nullptr;
+  /// One contact, for walls and for measuring.
+  ContactForce<D> (*contact)(const ContactConstants&, const ContactKinematics<D>&, double dt, double* history,
+                             EnergyLedger&) = nullptr;
+  double (*stored_energy)(const ContactConstants&, const ContactKinematics<D>&,
+                          const double* history) = nullptr;
+};
+
+/// The compiled variant of `choice`. Throws std::invalid_argument for Hertz in the plane.
+template <int D>
+LawFunctions<D> law_functions(const LawChoice& choice);
+
+/// Kinematics of the pair (i, j) at distance `distance` along `normal`; the overlap is shared by both arms,
+/// so that the forces turn both grains without changing the total angular momentum.
+template <int D>
+inline ContactKinematics<D> pair_kinematics(const State<D>& state, std::size_t i, std::size_t j,
+                                            const Vector<D>& normal, double distance, double root_mass) {
+  const double ri = state.radius[i], rj = state.radius[j];
+  ContactKinematics<D> k;
+  k.normal = normal;
+  k.radius_sum = ri + rj;
+  k.overlap = k.radius_sum - distance;
+  k.reduced_radius = ri * rj / k.radius_sum;
+  k.root_mass = root_mass;
+  const Spin<D> wi = load<spin_components<D>>(state.spin.data(), i);
+  const Spin<D> wj = load<spin_components<D>>(state.spin.data(), j);
+  const double arm_i = ri - 0.5 * k.overlap, arm_j = rj - 0.5 * k.overlap;
+  split_velocity(k, load<D>(state.velocity.data(), j) - load<D>(state.velocity.data(), i),
+                 arm_i * wi + arm_j * wj);
+  k.spin = wi - wj;
+  return k;
+}
+
+/// Forces of walls on the grains of one block; `wall_force` (one entry per wall contact) receives the force
+/// on the wall, for the whole wall and for the nodes of polylines.
+template <int D>
+void sweep_walls(const LawFunctions<D>& law, double dt, const std::vector<Wall<D>>& walls, std::size_t block,
+                 const std::vector<std::uint32_t>& first_contact, State<D>& state,
+                 std::vector<Vector<D>>& wall_force, EnergyLedger& ledger);
+
+/// All touching contacts as they are, in the order of the lists.
+template <int D>
+std::vector<ContactRecord<D>> measure_contacts(const LawFunctions<D>& law, const SweepInput<D>& input,
+                                               const std::vector<Wall<D>>& walls, const State<D>& state);
+
+}  // namespace estuary::grains

@@ -1,0 +1,482 @@
+#include "dynamics.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+
+namespace estuary::grains {
+namespace {
+
+template <int D>
+ListSettings list_settings(const DynamicsSettings<D>& settings, double smallest, double largest) {
+  (void)smallest;
+  (void)largest;
+  ListSettings list;
+  list.skin = settings.skin;
+  if (settings.lubrication.active())
+    list.range = std::max(0.0, settings.lubrication.cutoff - 2 * settings.lubrication.margin);
+  if (settings.bond_law.active) list.range = std::max(list.range, settings.bond_law.distance);
+  list.history_size = history_size_of<D>(settings.law);
+  std::size_t next = 0;
+  if (settings.law.friction == FrictionLaw::spring)
+    for (int c = 0; c < spin_components<D>; ++c) list.turned_sign[next++] = D == 2 ? 1 : -1;
+  if (settings.law.rolling == RollingLaw::spring)
+    for (int c = 0; c < spin_components<D>; ++c) list.turned_sign[next++] = -1;  // the pivoting angle stays
+  return list;
+}
+
+}  // namespace
+
+template <int D>
+Dynamics<D>::Dynamics(DynamicsSettings<D> settings, const InitialGrains<D>& grains,
+                      std::vector<Wall<D>> walls)
+    : settings_(std::move(settings)), walls_(std::move(walls)) {
+  const std::size_t n = grains.size();
+  constexpr std::size_t d = D, s = spin_components<D>;
+  state_.position = grains.position;
+  state_.velocity = grains.velocity;
+  state_.spin = grains.spin;
+  state_.radius = grains.radius;
+  state_.force.assign(d * n, 0.0);
+  state_.external_force.assign(d * n, 0.0);
+  state_.wrapped.assign(d * n, 0.0);
+  state_.torque.assign(s * n, 0.0);
+  state_.external_torque.assign(s * n, 0.0);
+  state_.inverse_mass.resize(n);
+  state_.inverse_inertia.resize(n);
+  state_.identity.resize(n);
+  double largest = 0;
+  smallest_radius_ = std::numeric_limits<double>::infinity();
+  for (std::size_t i = 0; i < n; ++i) {
+    const bool held = !grains.held.empty() && grains.held[i];
+    state_.inverse_mass[i] = held ? 0 : 1 / grains.mass[i];
+    state_.inverse_inertia[i] = held ? 0 : 1 / grains.inertia[i];
+    state_.identity[i] = static_cast<std::uint32_t>(i);
+    smallest_radius_ = std::min(smallest_radius_, grains.radius[i]);
+    largest = std::max(largest, grains.radius[i]);
+    for (std::size_t c = 0; c < d; ++c)
+      if (!held) state_.external_force[d * i + c] = grains.mass[i] * settings_.gravity[c];
+  }
+  state_.wall_travel.assign(d * walls_.size(), 0.0);
+  for (Wall<D>& wall : walls_) {
+    wall.node_velocity.assign(wall.node.size(), 0.0);
+    wall_target_.emplace_back();
+    node_force_.emplace_back(wall.node.size(), 0.0);
+  }
+  list_ = list_settings(settings_, smallest_radius_, largest);
+  law_ = law_functions<D>(settings_.law);
+  input_.constants = settings_.constants;
+  for (std::uint32_t code = 0; code < kImages<D>; ++code) input_.shift[code] = settings_.domain.shift(code);
+  rebuild();
+  if (settings_.bond_law.active) bonds_ = make_bonds(settings_.bond_law, settings_.domain, state_);
+  evaluate(0.0);
+  begin_audit();
+}
+
+template <int D>
+void Dynamics<D>::begin_audit() {
+  state_.ledger = {};
+  state_.external_work = 0;
+  state_.bond_loss = 0;
+  energy_at_start_ = energies().total();
+}
+
+template <int D>
+void Dynamics<D>::set_external(std::span<const double> force, std::span<const double> torque) {
+  constexpr std::size_t d = D, s = spin_components<D>;
+  external_torque_ = !torque.empty();
+  for (std::size_t i = 0; i < state_.size(); ++i) {
+    const std::size_t k = state_.identity[i];
+    const double mass = state_.inverse_mass[i] > 0 ? 1 / state_.inverse_mass[i] : 0;
+    for (std::size_t c = 0; c < d; ++c) {
+      const double before = state_.external_force[d * i + c];
+      state_.external_force[d * i + c] = force[d * k + c] + mass * settings_.gravity[c];
+      // The forces of the last evaluation, which the next half kick uses, hold the former ones.
+      state_.force[d * i + c] += state_.external_force[d * i + c] - before;
+    }
+    for (std::size_t c = 0; c < s && external_torque_; ++c) {
+      const double before = state_.external_torque[s * i + c];
+      state_.external_torque[s * i + c] = torque[s * k + c];
+      state_.torque[s * i + c] += state_.external_torque[s * i + c] - before;
+    }
+  }
+}
+
+template <int D>
+void Dynamics<D>::set_wall_target(std::size_t wall, std::span<const double> target) {
+  wall_target_[wall].assign(target.begin(), target.end());
+}
+
+template <int D>
+void Dynamics<D>::check_finite() const {
+  for (std::size_t i = 0; i < state_.size(); ++i)
+    for (std::size_t c = 0; c < static_cast<std::size_t>(D); ++c)
+      if (!std::isfinite(state_.position[D * i + c]) || !std::isfinite(state_.velocity[D * i + c]))
+        throw Breakdown(state_.identity[i], "position or velocity is not finite");
+}
+
+template <int D>
+void Dynamics<D>::after_rebuild() {
+  prepare_cross_forces(state_, cross_);
+  const std::size_t blocks = block_count(state_.size());
+  first_wall_contact_.assign(blocks + 1, 0);
+  for (const WallContact& contact : state_.wall_contact)
+    ++first_wall_contact_[contact.grain / kBlockSize + 1];
+  for (std::size_t b = 0; b < blocks; ++b) first_wall_contact_[b + 1] += first_wall_contact_[b];
+  wall_force_.assign(state_.wall_contact.size(), Vector<D>{});
+  block_ledger_.resize(blocks);
+  block_work_.resize(blocks);
+  block_displacement_.resize(blocks);
+  wall_moved_ = 0;
+}
+
+template <int D>
+void Dynamics<D>::rebuild() {
+  check_finite();
+  rebuild_list(settings_.domain, list_, state_, origin_);
+  rebuild_wall_contacts(settings_.domain, walls_, list_, origin_, state_);
+  renumber(bonds_, origin_);
+  for (auto* derivatives : {&gear_position_, &gear_angle_})
+    for (auto& values : *derivatives) {
+      const std::size_t per_grain = values.size() / std::max<std::size_t>(1, state_.size());
+      const std::vector<double> old = values;
+      for (std::size_t i = 0; i < origin_.size(); ++i)
+        for (std::size_t c = 0; c < per_grain; ++c)
+          values[per_grain * i + c] = old[per_grain * origin_[i] + c];
+    }
+  after_rebuild();
+  ++rebuilds_;
+}
+
+template <int D>
+void Dynamics<D>::rebuild_if_due(double displacement_squared) {
+  const double displacement = std::sqrt(displacement_squared);
+  // Also when it is not a number.
+  if (std::max(2 * displacement, displacement + wall_moved_) <= settings_.skin) return;
+  const bool jumped = displacement > settings_.skin + smallest_radius_;
+  if (jumped) {
+    check_finite();
+    std::size_t worst = 0;
+    double most = 0;
+    for (std::size_t i = 0; i < state_.size(); ++i) {
+      const double way =
+          norm(load<D>(state_.position.data(), i) - load<D>(state_.reference_position.data(), i));
+      if (way > most) {
+        most = way;
+        worst = i;
+      }
+    }
+    throw Breakdown(state_.identity[worst], "moved " + std::to_string(most / smallest_radius_) +
+                                                " radii of the smallest grain in one step");
+  }
+  rebuild();
+}
+
+template <int D>
+void Dynamics<D>::move_walls(double dt) {
+  double moved = 0;
+  for (std::size_t w = 0; w < walls_.size(); ++w) {
+    Wall<D>& wall = walls_[w];
+    if (wall_velocity) {
+      wall.velocity = wall_velocity(w, state_.time - 0.5 * dt);
+      const Vector<D> step = dt * wall.velocity;
+      wall.point = wall.point + step;
+      for (std::size_t k = 0; k < wall.node.size(); ++k) wall.node[k] += step[k % D];
+      add(state_.wall_travel.data(), w, step);
+      moved = std::max(moved, norm(step));
+    }
+    for (std::size_t k = 0; k + 1 < wall.node.size(); k += 2) {
+      for (std::size_t c = 0; c < 2; ++c) wall.node[k + c] += dt * wall.node_velocity[k + c];
+      moved = std::max(moved, dt * std::hypot(wall.node_velocity[k], wall.node_velocity[k + 1]));
+    }
+  }
+  wall_moved_ += moved;
+}
+
+template <int D>
+void Dynamics<D>::gather(std::size_t b) {
+  constexpr std::size_t width = D + spin_components<D>;
+  for (std::size_t k = cross_.incoming_start[b]; k < cross_.incoming_start[b + 1]; ++k) {
+    const std::size_t j = cross_.incoming_grain[k];
+    const double* value = &cross_.value[width * cross_.incoming_slot[k]];
+    for (std::size_t c = 0; c < D; ++c) state_.force[D * j + c] += value[c];
+    for (std::size_t c = 0; c < spin_components<D>; ++c)
+      state_.torque[spin_components<D> * j + c] += value[D + c];
+  }
+}
+
+// Pair and wall forces by block, then bonds; forces that cross blocks wait in their slots for `gather`.
+template <int D>
+void Dynamics<D>::evaluate(double dt) {
+  input_.dt = dt;
+  const std::size_t n = state_.size(), blocks = block_count(n);
+  constexpr std::size_t s = spin_components<D>;
+  // Stretches and angles move on with the step; energies are summed in the order of the blocks.
+#pragma omp parallel for schedule(static) if (blocks > 1)
+  for (std::size_t b = 0; b < blocks; ++b) {
+    const std::size_t begin = block_begin(b), end = block_end(b, n);
+    std::copy(state_.external_force.begin() + static_cast<std::ptrdiff_t>(D * begin),
+              state_.external_force.begin() + static_cast<std::ptrdiff_t>(D * end),
+              state_.force.begin() + static_cast<std::ptrdiff_t>(D * begin));
+    std::copy(state_.external_torque.begin() + static_cast<std::ptrdiff_t>(s * begin),
+              state_.external_torque.begin() + static_cast<std::ptrdiff_t>(s * end),
+              state_.torque.begin() + static_cast<std::ptrdiff_t>(s * begin));
+    block_ledger_[b] = {};
+    law_.sweep_pairs(input_, b, state_, cross_, block_ledger_[b]);
+    if (settings_.lubrication.active())
+      sweep_lubrication(settings_.lubrication, input_, b, state_, cross_, block_ledger_[b]);
+    if (first_wall_contact_[b] != first_wall_contact_[b + 1])
+      sweep_walls(law_, dt, walls_, b, first_wall_contact_, state_, wall_force_, block_ledger_[b]);
+  }
+  for (std::size_t b = 0; b < blocks; ++b) state_.ledger += block_ledger_[b];
+  if (bonds_.size() > 0)
+    state_.ledger.normal +=
+        add_bond_forces(settings_.bond_law, settings_.domain, dt, bonds_, state_, state_.bond_loss);
+}
+
+template <int D>
+double Dynamics<D>::update(double kick, double drift, bool gather_first, double dt) {
+  const std::size_t n = state_.size(), blocks = block_count(n);
+  constexpr std::size_t s = spin_components<D>;
+#pragma omp parallel for schedule(static) if (blocks > 1)
+  for (std::size_t b = 0; b < blocks; ++b) {
+    if (gather_first) gather(b);
+    double worst = 0, work = 0, given = 0;
+    for (std::size_t i = block_begin(b); i < block_end(b, n); ++i) {
+      const double push = kick * state_.inverse_mass[i], turn = kick * state_.inverse_inertia[i];
+      double squared = 0;
+      for (std::size_t c = 0; c < D; ++c) {
+        const std::size_t k = D * i + c;
+        const double v = state_.velocity[k] + push * state_.force[k];
+        state_.velocity[k] = v;
+        const double x = state_.position[k] + drift * v;
+        state_.position[k] = x;
+        const double way = x - state_.reference_position[k];
+        squared += way * way;
+        work += state_.external_force[k] * v;
+      }
+      for (std::size_t c = 0; c < s; ++c) {
+        const std::size_t k = s * i + c;
+        state_.spin[k] += turn * state_.torque[k];
+      }
+      // A grain that moves as prescribed gives what the others do on it.
+      if (state_.inverse_mass[i] == 0) {
+        for (std::size_t c = 0; c < D; ++c) given -= state_.force[D * i + c] * state_.velocity[D * i + c];
+        for (std::size_t c = 0; c < s; ++c) given -= state_.torque[s * i + c] * state_.spin[s * i + c];
+      }
+      // Also keeps what is not a number.
+      if (!(squared <= worst)) worst = squared;
+    }
+    if (external_torque_)
+      for (std::size_t k = s * block_begin(b); k < s * block_end(b, n); ++k)
+        work += state_.external_torque[k] * state_.spin[k];
+    block_displacement_[b] = worst;
+    block_work_[b] = work * drift;
+    block_ledger_[b] = {};
+    block_ledger_[b].given = given * dt;
+  }
+  double worst = 0;
+  for (std::size_t b = 0; b < blocks; ++b) {
+    if (!(block_displacement_[b] <= worst)) worst = block_displacement_[b];
+    state_.external_work += block_work_[b];
+    state_.ledger.given += block_ledger_[b].given;
+  }
+  return worst;
+}
+
+template <int D>
+void Dynamics<D>::advance_verlet(double dt, std::uint64_t steps, const StepMonitor& monitor) {
+  // The half kicks at the end of one step and at the start of the next are one.
+  for (std::uint64_t step = 0; step < steps; ++step) {
+    const double displacement = update(step == 0 ? 0.5 * dt : dt, dt, step > 0, dt);
+    state_.time += dt;
+    if (!walls_.empty()) move_walls(dt);
+    rebuild_if_due(displacement);
+    evaluate(dt);
+    for (std::size_t n = 0; n < state_.wall_contact.size(); ++n) {
+      const WallContact& contact = state_.wall_contact[n];
+      if (node_force_[contact.wall].empty()) continue;
+      if constexpr (D == 2) {
+        const Wall<2>& wall = walls_[contact.wall];
+        const Vector<2> force = (dt)*wall_force_[n];
+        if (dot(force, force) == 0) continue;
+        std::vector<double>& node_force = node_force_[contact.wall];
+        if (contact.element >= wall.segments()) {
+          add(node_force.data(), contact.element - wall.segments(), force);
+          continue;
+        }
+        const auto nearest =
+            nearest_point(wall, contact.element, load<2>(state_.position.data(), contact.grain));
+        add(node_force.data(), wall.segment[2 * contact.element], (1 - nearest.share) * force);
+        add(node_force.data(), wall.segment[2 * contact.element + 1], nearest.share * force);
+      }
+    }
+    if (monitor) monitor(step + 1);
+  }
+  update(0.5 * dt, 0.0, true, 0.0);
+}
+
+template <int D>
+void Dynamics<D>::advance(double duration, std::uint64_t steps, const StepMonitor& monitor) {
+  if (steps == 0) return;
+  const double dt = duration / static_cast<double>(steps);
+  for (std::size_t w = 0; w < walls_.size(); ++w) {
+    std::fill(node_force_[w].begin(), node_force_[w].end(), 0.0);
+    for (std::size_t k = 0; k < wall_target_[w].size(); ++k)
+      walls_[w].node_velocity[k] = (wall_target_[w][k] - walls_[w].node[k]) / duration;
+  }
+  if (settings_.integrator == Integrator::verlet)
+    advance_verlet(dt, steps, monitor);
+  else
+    advance_gear(dt, steps, monitor);
+  for (std::size_t w = 0; w < walls_.size(); ++w) {
+    for (double& force : node_force_[w]) force /= duration;
+    // No drift of rounding errors.
+    if (!wall_target_[w].empty() && !wall_velocity) walls_[w].node = wall_target_[w];
+  }
+  check_finite();
+}
+
+template <int D>
+void Dynamics<D>::advance_gear(double dt, std::uint64_t steps, const StepMonitor& monitor) {
+  // Coefficients for forces that depend on velocities; scaled by A_k so that all correct the acceleration.
+  static constexpr std::array<std::array<double, 6>, 4> kCorrector{
+      {{0, 1, 1, 0, 0, 0},
+       {1.0 / 6, 5.0 / 6, 1, 1.0 / 3, 0, 0},
+       {19.0 / 90, 3.0 / 4, 1, 1.0 / 2, 1.0 / 12, 0},
+       {3.0 / 16, 251.0 / 360, 1, 11.0 / 18, 1.0 / 6, 1.0 / 60}}};
+  const auto terms = static_cast<std::size_t>(settings_.gear_terms);
+  const std::array<double, 6>& corrector = kCorrector[terms - 3];
+  const std::array<double, 6> scale{0.5 * dt * dt, 0.5 * dt, 1, 3 / dt, 12 / (dt * dt), 60 / (dt * dt * dt)};
+  const std::size_t n = state_.size();
+  constexpr std::size_t d = D, s = spin_components<D>;
+  const auto gather_all = [&] {
+    for (std::size_t b = 0; b < block_count(n); ++b) gather(b);
+  };
+  if (gear_position_.empty()) {
+    gear_position_.assign(terms - 2, std::vector<double>(d * n, 0.0));
+    gear_angle_.assign(terms - 2, std::vector<double>(s * n, 0.0));
+    for (std::size_t k = 0; k < d * n; ++k)
+      gear_position_[0][k] = state_.force[k] * state_.inverse_mass[k / d];
+    for (std::size_t k = 0; k < s * n; ++k)
+      gear_angle_[0][k] = state_.torque[k] * state_.inverse_inertia[k / s];
+  }
+  // Taylor expansion of one coordinate (null for the angle, which no force depends on).
+  const auto predict = [&](double* x, double& v, std::vector<std::vector<double>>& higher, std::size_t k) {
+    std::array<double, 6> value{x ? *x : 0, v, 0, 0, 0, 0};
+    for (std::size_t h = 2; h < terms; ++h) value[h] = higher[h - 2][k];
+    for (std::size_t q = 0; q < terms; ++q) {
+      double sum = 0, factor = 1;
+      for (std::size_t h = q; h < terms; ++h) {
+        sum += factor * value[h];
+        factor *= dt / static_cast<double>(h - q + 1);
+      }
+      value[q] = sum;
+    }
+    if (x) *x = value[0];
+    v = value[1];
+    for (std::size_t h = 2; h < terms; ++h) higher[h - 2][k] = value[h];
+  };
+  const auto correct = [&](double* x, double& v, std::vector<std::vector<double>>& higher, std::size_t k,
+                           double acceleration) {
+    const double error = acceleration - higher[0][k];
+    if (x) *x += corrector[0] * scale[0] * error;
+    v += corrector[1] * scale[1] * error;
+    for (std::size_t h = 2; h < terms; ++h) higher[h - 2][k] += corrector[h] * scale[h] * error;
+  };
+  for (std::uint64_t step = 0; step < steps; ++step) {
+    const std::vector<double> before = state_.position;
+    double worst = 0;
+    for (std::size_t k = 0; k < d * n; ++k)
+      predict(&state_.position[k], state_.velocity[k], gear_position_, k);
+    for (std::size_t k = 0; k < s * n; ++k) predict(nullptr, state_.spin[k], gear_angle_, k);
+    for (std::size_t i = 0; i < n; ++i) {
+      double squared = 0, work = 0;
+      for (std::size_t c = 0; c < d; ++c) {
+        const double way = state_.position[d * i + c] - state_.reference_position[d * i + c];
+        squared += way * way;
+        work += state_.external_force[d * i + c] * (state_.position[d * i + c] - before[d * i + c]);
+      }
+      state_.external_work += work;
+      if (!(squared <= worst)) worst = squared;
+    }
+    state_.time += dt;
+    if (!walls_.empty()) move_walls(dt);
+    rebuild_if_due(worst);
+    const std::vector<double> history = state_.history, wall_history = state_.wall_history;
+    const Bonds<D> bonds = bonds_;
+    const EnergyLedger ledger = state_.ledger;
+    const double bond_loss = state_.bond_loss;
+    for (int correction = 0; correction < settings_.gear_corrections; ++correction) {
+      if (correction > 0) {
+        // Every evaluation moves the contacts' memory on from the step's start.
+        state_.history = history;
+        state_.wall_history = wall_history;
+        bonds_ = bonds;
+        state_.ledger = ledger;
+        state_.bond_loss = bond_loss;
+      }
+      evaluate(dt);
+      gather_all();
+      for (std::size_t k = 0; k < d * n; ++k)
+        correct(&state_.position[k], state_.velocity[k], gear_position_, k,
+                state_.force[k] * state_.inverse_mass[k / d]);
+      for (std::size_t k = 0; k < s * n; ++k)
+        correct(nullptr, state_.spin[k], gear_angle_, k, state_.torque[k] * state_.inverse_inertia[k / s]);
+    }
+    if (monitor) monitor(step + 1);
+  }
+}
+
+template <int D>
+Energies Dynamics<D>::energies() const {
+  Energies energies;
+  for (std::size_t i = 0; i < state_.size(); ++i) {
+    if (state_.inverse_mass[i] == 0) continue;
+    const auto v = load<D>(state_.velocity.data(), i);
+    const auto w = load<spin_components<D>>(state_.spin.data(), i);
+    energies.translation += 0.5 * dot(v, v) / state_.inverse_mass[i];
+    energies.rotation += 0.5 * dot(w, w) / state_.inverse_inertia[i];
+  }
+  for (const auto& record : contacts()) energies.contacts += record.energy;
+  energies.bonds = bond_energy(settings_.bond_law, settings_.domain, bonds_, state_);
+  return energies;
+}
+
+template <int D>
+double Dynamics<D>::energy_error() const {
+  const double now = energies().total();
+  const double came = state_.external_work + state_.ledger.given;
+  const double left = state_.ledger.dissipated() + state_.bond_loss;
+  const double scale = std::max({std::abs(energy_at_start_), std::abs(now), std::abs(state_.external_work),
+                                 std::abs(state_.ledger.given), std::abs(left)});
+  return scale > 0 ? (now + left - came - energy_at_start_) / scale : 0;
+}
+
+template <int D>
+std::vector<ContactRecord<D>> Dynamics<D>::contacts() const {
+  return measure_contacts(law_, input_, walls_, state_);
+}
+
+template <int D>
+Vector<D> Dynamics<D>::wall_force(std::size_t wall) const {
+  Vector<D> sum{};
+  for (std::size_t n = 0; n < state_.wall_contact.size(); ++n)
+    if (state_.wall_contact[n].wall == wall) sum = sum + wall_force_[n];
+  return sum;
+}
+
+template <int D>
+void Dynamics<D>::restore(const Snapshot& snapshot) {
+  state_ = snapshot.state;
+  bonds_ = snapshot.bonds;
+  walls_ = snapshot.walls;
+  after_rebuild();
+  gear_position_.clear();
+  gear_angle_.clear();
+}
+
+template class Dynamics<2>;
+template class Dynamics<3>;
+
+}  // namespace estuary::grains

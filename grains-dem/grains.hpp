@@ -1,0 +1,41 @@
+// The granular medium as a participant: discs or spheres, transient, alone or around them a fluid or beside
+// them a solid.
+#pragma once
+
+#include <filesystem>
+#include <memory>
+
+#include "medium.hpp"
+
+namespace estuary::grains {
+
+/// Derived numbers, warnings, what is left out, memory and variant of a scene without problems.
+Plan plan_of(const GrainsScene& scene);
+
+class Grains final : public Participant {
+public:
+  [[nodiscard]] Identity identity() const override;
+  Plan configure(Scene& scene, const std::string& role) override;
+  /// Gives the grains' states when a fluid takes part; takes the wet surface of a solid when one does.
+  v1::Exchange start(const v1::Exchange& initial, const std::filesystem::path& folder) override;
+  AdvanceResult advance(const Window& window, const v1::Exchange& inputs, ProgressBoard& progress) override;
+  void accept() override;
+  void save(const std::filesystem::path& file) override;
+  void load(const std::filesystem::path& file) override;
+  std::vector<std::string> frame(std::uint64_t number, double time) override;
+  void stop() override;
+
+private:
+  void take_inputs(const v1::Exchange& inputs);
+
+  GrainsScene scene_;
+  std::filesystem::path folder_;
+  std::unique_ptr<Medium> medium_;
+  v1::WetSurface surface_;
+  std::unique_ptr<FieldSeries> series_;
+  Work work_;
+  double step_seconds_ = 0, transfer_seconds_ = 0;
+  std::uint64_t current_window_ = 0;
+};
+
+}  // namespace estuary::grains

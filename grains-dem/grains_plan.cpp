@@ -1,0 +1,142 @@
+// What a person should know about a scene of grains before running it.
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+
+#include "deposit.hpp"
+#include "grains.hpp"
+#include "sample.hpp"
+
+namespace estuary::grains {
+namespace {
+
+const char* friction_name(const GrainsScene& scene) {
+  switch (scene.law.friction) {
+    case FrictionLaw::none:
+      return "frictionless";
+    case FrictionLaw::coulomb:
+      return "coulomb";
+    case FrictionLaw::spring:
+      return "friction-spring";
+  }
+  return "";
+}
+
+std::string variant_of(const GrainsScene& scene) {
+  std::string text = scene.dimension == 2 ? "discs" : "spheres";
+  text += scene.law.normal == NormalLaw::hertz ? "-hertz-" : "-linear-";
+  text += friction_name(scene);
+  if (scene.law.rolling == RollingLaw::viscous) text += "-rolling-viscous";
+  if (scene.law.rolling == RollingLaw::spring) text += "-rolling-spring";
+  if (scene.law.cohesive) text += "-cohesive";
+  return text;
+}
+
+}  // namespace
+
+Plan plan_of(const GrainsScene& scene) {
+  Plan plan;
+  const auto add = [&](const char* name, std::string value) {
+    plan.derived.emplace_back(name, std::move(value));
+  };
+  double smallest = std::numeric_limits<double>::infinity(), largest = 0;
+  double lightest = smallest, mass = 0, volume = 0;
+  std::size_t count = 0, held = 0;
+  for (const GroupScene& group : scene.groups) {
+    std::vector<double> position, radii;
+    if (group.kind == GroupScene::Kind::file)
+      read_sample(group.file, scene.dimension, position, radii);
+    else if (!group.radii.empty())
+      radii = group.radii;
+    else
+      radii = draw_radii(group.grading, count_grains(group, scene.dimension), group.seed, scene.dimension);
+    count += radii.size();
+    if (group.held) held += radii.size();
+    for (const double r : radii) {
+      const double v = grain_volume(scene.dimension, r);
+      smallest = std::min(smallest, r);
+      largest = std::max(largest, r);
+      lightest = std::min(lightest, v * group.density);
+      if (group.held) continue;
+      mass += v * group.density;
+      volume += v;
+    }
+  }
+  const StepLimit limit = step_limit_of(scene, lightest, smallest);
+  const double steps = std::floor(scene.window / limit.step) + 1;
+  const auto n = static_cast<double>(count);
+  add("grains", held > 0 ? fmt::format("{} ({} of them held)", count, held) : fmt::format("{}", count));
+  add("radii", fmt::format("{:.4g} to {:.4g} m", smallest, largest));
+  add("mass of the moving grains", fmt::format("{:.6g} kg{}", mass, scene.dimension == 2 ? "/m" : ""));
+  add("shortest contact", fmt::format("{:.3g} s", limit.contact_time));
+  add("time step", fmt::format("at most {:.3g} s, by {}", limit.step, limit.by));
+  add("steps per window", fmt::format("{:.0f} of {:.3g} s", steps, scene.window / steps));
+  if (scene.law.normal == NormalLaw::linear && scene.restitution < 1)
+    add("restitution", fmt::format("{:g} uncut, {:.4f} with the force cut at zero", scene.restitution,
+                                   cut_restitution(scene.restitution)));
+  double gravity = 0;
+  for (const double g : scene.gravity) gravity += g * g;
+  gravity = std::sqrt(gravity);
+  if (scene.fluid.present) {
+    if (scene.fluid.reduced_gravity) {
+      const double carried = 1 - scene.fluid.density / scene.density;
+      add("buoyancy",
+          fmt::format("gravity reduced to {:.4g} of its value; the fluid must not be given gravity",
+                      carried));
+      add("submerged weight",
+          fmt::format("{:.6g} N{}", mass * gravity * carried, scene.dimension == 2 ? "/m" : ""));
+    } else {
+      add("buoyancy",
+          "by the fluid's own pressure: the fluid must be given gravity; the grains keep theirs whole");
+    }
+  }
+  if (!scene.from.empty() && volume > 0) {
+    double box = 1;
+    for (std::size_t c = 0; c < scene.axes(); ++c) box *= scene.to[c] - scene.from[c];
+    add("solid share of the box", fmt::format("{:.4g}", volume / box));
+  }
+  plan.expected_updates = n * steps * std::max(1.0, std::round(scene.end_time / scene.window));
+  plan.memory_bytes = n * (scene.dimension == 2 ? 500 : 900);
+
+  if (limit.contact_time / limit.step < 10)
+    plan.warnings.push_back(
+        fmt::format("{:.3g} steps per contact: below 10 the restitution is wrong and energy may grow",
+                    limit.contact_time / limit.step));
+  if (scene.law.friction == FrictionLaw::coulomb)
+    plan.warnings.emplace_back(
+        "friction_law = \"coulomb\" has no memory: resting grains chatter; use \"spring\" for heaps and slow "
+        "flows");
+  if (scene.law.normal == NormalLaw::linear && gravity > 0 && scene.dimension >= 2) {
+    // Overlap of a grain under the weight of a column of the sample's height.
+    const double width = 2 * largest;
+    const double overlap = mass / std::max(1.0, std::pow(n, 1.0 - 1.0 / scene.dimension)) * gravity /
+                           scene.constants.normal_stiffness / width;
+    if (overlap > 0.01)
+      plan.warnings.push_back(fmt::format(
+          "a column of grains presses the lowest by about {:.2g} diameters: raise normal_stiffness",
+          overlap));
+  }
+  if (scene.coupled_to_fluid && !scene.fluid.present)
+    plan.warnings.emplace_back(
+        "a fluid takes part, but [grains.fluid] does not say how it carries the grains: "
+        "gravity acts in full and no buoyancy is added");
+  if (scene.contact_margin > 0)
+    add("contact margin",
+        fmt::format("grains touch {:.3g} m before their surfaces meet", 2 * scene.contact_margin));
+
+  if (scene.law.friction == FrictionLaw::none) plan.left_out.emplace_back("friction (coefficient 0)");
+  if (scene.law.rolling == RollingLaw::none) plan.left_out.emplace_back("rolling resistance");
+  if (!scene.law.cohesive) plan.left_out.emplace_back("cohesion");
+  if (!scene.bond.active) plan.left_out.emplace_back("bonds");
+  if (!scene.lubrication.active()) plan.left_out.emplace_back("lubrication");
+  if (scene.walls.empty()) plan.left_out.emplace_back("walls");
+  if (gravity == 0) plan.left_out.emplace_back("gravity");
+  if (!scene.repeats_windows)
+    plan.left_out.emplace_back("copies of the window's start: no window is repeated");
+  plan.variant = variant_of(scene);
+  return plan;
+}
+
+}  // namespace estuary::grains

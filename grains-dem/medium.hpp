@@ -1,0 +1,59 @@
+// The granular medium of a scene: grains placed (and deposited), moved window by window, measured. The same
+// interface for discs and spheres, so that the participant around it does not depend on the dimension.
+#pragma once
+
+#include <filesystem>
+#include <memory>
+
+#include "field_file.hpp"
+#include "grains_scene.hpp"
+
+namespace estuary::grains {
+
+/// Largest step the scene's contacts allow [s], and what limits it.
+struct StepLimit {
+  double step = 0;
+  double contact_time = 0;  // of the shortest contact [s]
+  std::string by;
+};
+
+class Medium {
+public:
+  virtual ~Medium() = default;
+
+  [[nodiscard]] virtual std::size_t size() const = 0;
+  [[nodiscard]] virtual StepLimit step_limit() const = 0;
+  /// Moves everything over `duration`.
+  virtual void advance(double duration, std::uint64_t steps, const StepMonitor& monitor) = 0;
+  /// Forces of the fluid, in the scene's order.
+  virtual void set_fluid_forces(std::span<const double> force, std::span<const double> torque) = 0;
+  virtual void set_surface(std::span<const double> node_positions) = 0;
+  /// Force on each node of the wet surface, mean over the last advance.
+  [[nodiscard]] virtual std::vector<double> surface_forces() const = 0;
+
+  virtual void keep() = 0;     // the present is where the window starts
+  virtual void go_back() = 0;  // to what was kept
+
+  virtual void fill(v1::GrainStates& states) const = 0;
+  [[nodiscard]] virtual std::vector<std::pair<std::string, double>> watch(const WatchScene& watch) const = 0;
+  virtual void write_frame(const std::filesystem::path& file) const = 0;
+  virtual void write_sample_file(const std::filesystem::path& file) const = 0;
+  virtual void save(const std::filesystem::path& file) const = 0;
+  virtual void load(const std::filesystem::path& file) = 0;
+  /// Mean pairs per grain in the list, for the traffic estimate.
+  [[nodiscard]] virtual double pairs_per_grain() const = 0;
+};
+
+/// Places (and deposits) the grains. `surface` adds the wet surface of a solid as a wall. Throws
+/// std::invalid_argument.
+std::unique_ptr<Medium> make_medium(const GrainsScene& scene, const v1::WetSurface* surface,
+                                    std::span<const double> surface_positions);
+
+/// Step limit from the smallest mass and radius alone, before anything is placed.
+StepLimit step_limit_of(const GrainsScene& scene, double smallest_mass, double smallest_radius);
+
+/// Area or volume, mass and moment of inertia of a grain of true radius r.
+double grain_volume(int dimension, double r);
+double grain_inertia(int dimension, double mass, double r);
+
+}  // namespace estuary::grains
