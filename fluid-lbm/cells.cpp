@@ -3,15 +3,21 @@
 #include <algorithm>
 
 namespace estuary::fluid {
+namespace {
+
+std::size_t list_of(std::uint8_t reason) {
+  return reason == cell_obstacle ? 0 : (reason == cell_wet_solid ? 1 : 2);
+}
+
+}  // namespace
 
 Cells::Cells(const Grid& grid)
     : grid_(grid),
       states_(static_cast<std::size_t>(grid.nx + 2) * static_cast<std::size_t>(grid.ny + 2) *
                   static_cast<std::size_t>(grid.nz > 0 ? grid.nz + 2 : 1),
               cell_outside),
-      rows_(static_cast<std::size_t>(grid.rows())),
-      obstacle_(static_cast<std::size_t>(grid.rows())),
-      wet_solid_(static_cast<std::size_t>(grid.rows())) {
+      rows_(static_cast<std::size_t>(grid.rows())) {
+  for (auto& of_reason : solid_) of_reason.resize(rows_.size());
   for (int z = 0; z < grid.layers(); ++z) {
     for (int y = 0; y < grid.ny; ++y) {
       for (int x = 0; x < grid.nx; ++x) set(x, y, z, cell_fluid);
@@ -46,7 +52,7 @@ void Cells::set(int x, int y, int z, std::uint8_t state) {
 
 std::size_t Cells::set_solid(int row, std::uint8_t reason, const std::vector<Span>& solid,
                              std::vector<Node>& uncovered) {
-  auto& known = (reason == cell_obstacle ? obstacle_ : wet_solid_)[static_cast<std::size_t>(row)];
+  auto& known = solid_[list_of(reason)][static_cast<std::size_t>(row)];
   const int y = row % grid_.ny;
   const int z = row / grid_.ny;
   if (known == solid) return 0;
@@ -87,16 +93,23 @@ std::size_t Cells::set_solid(int row, std::uint8_t reason, const std::vector<Spa
 void Cells::rebuild_row(int number) {
   auto& row = rows_[static_cast<std::size_t>(number)];
   row.clear();
-  const auto& first = obstacle_[static_cast<std::size_t>(number)];
-  const auto& second = wet_solid_[static_cast<std::size_t>(number)];
-  std::size_t a = 0;
-  std::size_t b = 0;
+  std::array<std::size_t, 3> next{};
   int x = 0;  // everything before it is sorted out
-  while (a < first.size() || b < second.size()) {
-    const bool take_first = b == second.size() || (a < first.size() && first[a].begin <= second[b].begin);
-    const Span solid = take_first ? first[a++] : second[b++];
-    if (solid.begin > x) row.push_back({x, solid.begin});
-    x = std::max(x, solid.end);
+  while (true) {
+    // The run that begins first among those not yet taken.
+    const Span* first = nullptr;
+    std::size_t taken = 0;
+    for (std::size_t list = 0; list < solid_.size(); ++list) {
+      const auto& runs = solid_[list][static_cast<std::size_t>(number)];
+      if (next[list] < runs.size() && (first == nullptr || runs[next[list]].begin < first->begin)) {
+        first = &runs[next[list]];
+        taken = list;
+      }
+    }
+    if (first == nullptr) break;
+    ++next[taken];
+    if (first->begin > x) row.push_back({x, first->begin});
+    x = std::max(x, first->end);
   }
   if (x < grid_.nx) row.push_back({x, grid_.nx});
 }

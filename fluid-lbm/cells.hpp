@@ -1,6 +1,7 @@
 // Which nodes are fluid: a byte per node for the rules at boundaries, runs per row for the kernels.
 #pragma once
 
+#include <array>
 #include <cstdint>
 #include <vector>
 
@@ -18,9 +19,10 @@ struct Span {
 /// Reasons why a node is not fluid; several may hold.
 enum : std::uint8_t {
   cell_fluid = 0,
-  cell_outside = 1,   // beyond a side of the grid
-  cell_obstacle = 2,  // inside a fixed obstacle of the scene
-  cell_wet_solid = 4  // inside the solid that brings the wet surface
+  cell_outside = 1,    // beyond a side of the grid
+  cell_obstacle = 2,   // inside a fixed obstacle of the scene
+  cell_wet_solid = 4,  // inside the solid that brings the wet surface
+  cell_body = 8        // inside a disc or sphere
 };
 
 struct Node {
@@ -65,8 +67,8 @@ private:
   Grid grid_;
   std::vector<std::uint8_t> states_;
   std::vector<std::vector<Span>> rows_;
-  std::vector<std::vector<Span>> obstacle_;  // what set_solid was told last, per row
-  std::vector<std::vector<Span>> wet_solid_;
+  // What set_solid was told last, per row, for obstacles, the wet solid and bodies.
+  std::array<std::vector<std::vector<Span>>, 3> solid_;
 };
 
 }  // namespace estuary::fluid

@@ -39,7 +39,8 @@ Flow::Flow(const FlowSettings& settings)
       rows_(settings.grid),
       obstacle_links_(settings.grid),
       wet_links_(settings.grid),
-      saturated_(settings.grid) {
+      saturated_(settings.grid),
+      bodies_(settings.grid) {
   if (step_ == nullptr) throw std::invalid_argument("no such variant: " + variant_name(settings.step()));
 }
 
@@ -104,11 +105,66 @@ MoveCounts Flow::move_wet_surface(std::span<const double> positions, std::span<c
   return place(positions, velocities, velocity_scale, true);
 }
 
+MoveCounts Flow::place_bodies(const Grains& bodies, const std::vector<WallRule>& rules, bool fill) {
+  RoundMove move;
+  const bool first = bodies_.empty();
+  if (!bodies_.place(bodies, rules, cells_, populations_, move)) return {};
+  rules_applied_ = false;
+  MoveCounts counts{move.covered, move.uncovered.size(), 0};
+  if (fill && !first) {
+    const auto wall_at = [this](Node node) -> WallPoint {
+      const auto wall = bodies_.nearest(node);
+      return {wall.normal, wall.velocity};
+    };
+    counts.orphans = refill(populations_, cells_, std::move(move.uncovered), wall_at, settings_.equilibrium,
+                            settings_.refill);
+  }
+  return counts;
+}
+
+void Flow::set_solid_nodes(const std::vector<std::uint8_t>& solid) {
+  const LatticeTable& lattice = populations_.lattice();
+  std::vector<Node> uncovered;
+  for (int row = 0; row < grid().rows(); ++row) {
+    std::vector<Span> runs;
+    for (int x = 0; x < grid().nx; ++x) {
+      const int y = row % grid().ny;
+      const int z = row / grid().ny;
+      // What other obstacles cover stays covered.
+      if (solid[grid().index(x, y, z)] == 0 && (cells_.state(x, y, z) & cell_obstacle) == 0) continue;
+      if (!runs.empty() && runs.back().end == x) {
+        ++runs.back().end;
+      } else {
+        runs.push_back({x, x + 1});
+      }
+    }
+    cells_.set_solid(row, cell_obstacle, runs, uncovered);
+  }
+  solid_node_links_.clear();
+  for (int row = 0; row < grid().rows(); ++row) {
+    const int y = row % grid().ny;
+    const int z = row / grid().ny;
+    for (const Span span : cells_.row(row)) {
+      for (int x = span.begin; x < span.end; ++x) {
+        for (int i = 1; i < lattice.count; ++i) {
+          const auto& c = lattice.velocity[i];
+          const Node end{grid().wrap_x(x + c[0]), grid().wrap_y(y + c[1]), grid().wrap_z(z + c[2])};
+          if (!grid().inside(end.x, end.y, end.z) || solid[grid().index(end.x, end.y, end.z)] == 0) continue;
+          solid_node_links_.add({x, y, z}, i, 0.5, WallRule::halfway, {}, 0,
+                                {x + 0.5 * c[0], y + 0.5 * c[1], z + 0.5 * c[2]}, cells_, populations_);
+        }
+      }
+    }
+  }
+  solid_node_links_.finish(1);
+}
+
 void Flow::copy_to(State& state) const {
   const auto values = populations_.values();
   state.populations.assign(values.begin(), values.end());
   state.parity = populations_.parity();
   state.rules_applied = rules_applied_;
+  state.sides_complete = sides_complete_;
 }
 
 void Flow::give_back(const State& state, std::span<const double> positions,
@@ -117,17 +173,29 @@ void Flow::give_back(const State& state, std::span<const double> positions,
   std::copy(state.populations.begin(), state.populations.end(), populations_.values().begin());
   populations_.set_parity(state.parity);
   rules_applied_ = state.rules_applied;
+  sides_complete_ = state.sides_complete;
 }
 
-void Flow::apply_rules(Parity parity) {
+void Flow::apply_rules(Parity parity, bool sides_complete) {
   const bool compressible = settings_.equilibrium == EquilibriumModel::compressible;
   exchange_and_reflect(populations_, parity, settings_.sides);
   if (obstacles_) obstacle_links_.reflect(populations_, parity, compressible);
   if (wet_) wet_links_.reflect(populations_, parity, compressible);
+  if (!bodies_.empty()) bodies_.links().reflect(populations_, parity, compressible);
+  if (!solid_node_links_.empty()) solid_node_links_.reflect(populations_, parity, compressible);
   if (obstacles_) obstacle_edges_.close(populations_, parity, compressible);
   if (wet_) wet_edges_.close(populations_, parity, compressible);
   complete_open_sides(populations_, parity, cells_, settings_.sides, settings_.equilibrium,
-                      settings_.force == ForceModel::guo ? settings_.acceleration : std::array<double, 3>{});
+                      settings_.force == ForceModel::guo ? settings_.acceleration : std::array<double, 3>{},
+                      sides_complete);
+}
+
+BodyLoad Flow::body_load(std::size_t body) const {
+  return bodies_.links().load(populations_, populations_.parity(), body);
+}
+
+BodyLoad Flow::solid_nodes_load() const {
+  return solid_node_links_.load(populations_, populations_.parity(), 0);
 }
 
 Force Flow::wet_force() const {
@@ -150,7 +218,8 @@ void Flow::run(std::size_t steps) {
 #pragma omp parallel num_threads(threads())
   for (std::size_t n = 0; n < steps; ++n) {
     const Parity parity = n % 2 == 0 ? start : other;
-    if (n > 0 || !rules_applied_) apply_rules(parity);
+    if (n > 0 || !rules_applied_) apply_rules(parity, n == 0 && sides_complete_);
+    if (measure_bodies_) bodies_.add_loads(populations_, parity);
     if (saturated_.empty()) {
       step_(populations_, parity, cells_.rows(), parameters_);
       continue;
@@ -160,7 +229,7 @@ void Flow::run(std::size_t steps) {
     saturated_.replace(populations_, parity, parameters_, settings_.equilibrium);
   }
   populations_.set_parity(steps % 2 == 0 ? start : other);
-  if (steps > 0) rules_applied_ = false;
+  if (steps > 0) rules_applied_ = sides_complete_ = false;
 }
 
 void Flow::compute_fields(Fields& fields) {
@@ -175,8 +244,8 @@ void Flow::compute_fields(Fields& fields) {
 void Flow::apply_boundaries() {
   if (rules_applied_) return;
 #pragma omp parallel num_threads(threads())
-  apply_rules(populations_.parity());
-  rules_applied_ = true;
+  apply_rules(populations_.parity(), sides_complete_);
+  rules_applied_ = sides_complete_ = true;
 }
 
 }  // namespace estuary::fluid

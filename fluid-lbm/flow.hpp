@@ -11,6 +11,8 @@
 #include "fields.hpp"
 #include "links.hpp"
 #include "populations.hpp"
+#include "refill.hpp"
+#include "round_bodies.hpp"
 #include "saturated_cells.hpp"
 #include "sides.hpp"
 #include "surface.hpp"
@@ -29,6 +31,7 @@ struct FlowSettings {
   std::array<double, 3> acceleration{};  // body force per mass
   double magic_parameter = 3.0 / 16.0;   // where the viscosity varies
   ViscosityLaw law;
+  RefillRule refill = RefillRule::extrapolated_nonequilibrium;  // behind moving discs and spheres
 
   [[nodiscard]] StepChoice step() const {
     return {grid.dimension(), collision, equilibrium, force, viscosity};
@@ -77,11 +80,20 @@ public:
   void place_grains(const Grains& grains) { saturated_.place(grains, cells_); }
   [[nodiscard]] SaturatedCells& grains() { return saturated_; }
   [[nodiscard]] const SaturatedCells& grains() const { return saturated_; }
+  /// Discs and spheres with walls between the nodes, lattice units; `fill` gives populations to nodes they
+  /// leave. Their number stays.
+  MoveCounts place_bodies(const Grains& bodies, const std::vector<WallRule>& rules, bool fill);
+  [[nodiscard]] RoundBodies& bodies() { return bodies_; }
+  [[nodiscard]] const RoundBodies& bodies() const { return bodies_; }
+  /// Fixed solid nodes with walls half-way on their links, as from an image. `solid` has one entry per node
+  /// (Grid::index). To be called before the first step, and after `set_obstacles`.
+  void set_solid_nodes(const std::vector<std::uint8_t>& solid);
   /// What the flow can be given back later: everything but the surfaces and the sides' values.
   struct State {
     std::vector<double> populations;
     Parity parity = Parity::odd;
     bool rules_applied = false;
+    bool sides_complete = false;
   };
   void copy_to(State& state) const;
   /// The wet surface has to be given as it was when the state was copied; no node is given new populations.
@@ -102,13 +114,17 @@ public:
   /// Momentum exchange on the surfaces, after `apply_boundaries`.
   [[nodiscard]] Force wet_force() const;
   [[nodiscard]] Force obstacle_force() const;
+  [[nodiscard]] BodyLoad body_load(std::size_t body) const;
+  [[nodiscard]] BodyLoad solid_nodes_load() const;
+  /// Adds up the bodies' loads in every step from now on.
+  void measure_bodies(bool on) { measure_bodies_ = on; }
   [[nodiscard]] const Links& wet_links() const { return wet_links_; }
   [[nodiscard]] const Links& obstacle_links() const { return obstacle_links_; }
 
 private:
   MoveCounts place(std::span<const double> positions, std::span<const double> velocities,
                    double velocity_scale, bool fill);
-  void apply_rules(Parity parity);
+  void apply_rules(Parity parity, bool sides_complete);
   [[nodiscard]] int threads() const;
 
   FlowSettings settings_;
@@ -116,7 +132,9 @@ private:
   Cells cells_;
   CollideAndStream step_;
   CollisionParameters parameters_;
-  bool rules_applied_ = false;  // since the last step or move
+  bool rules_applied_ = false;   // since the last step or move
+  bool sides_complete_ = false;  // since the last step
+  bool measure_bodies_ = false;
   std::optional<Surface> obstacles_;
   std::optional<Surface> wet_;
   SolidRows rows_;
@@ -125,6 +143,8 @@ private:
   EdgeLinks obstacle_edges_;
   EdgeLinks wet_edges_;
   SaturatedCells saturated_;
+  RoundBodies bodies_;
+  WallLinks solid_node_links_;
   std::vector<double> placed_;           // positions and velocities as last given
   std::vector<double> obstacle_bounds_;  // left, bottom, right, top in lattice coordinates
 };

@@ -52,7 +52,9 @@ Plan Fluid::configure(Scene& scene, const std::string& role) {
 
 v1::Exchange Fluid::start(const v1::Exchange& initial, const std::filesystem::path& folder) {
   sides_constant_ = std::all_of(scene_.profiles.begin(), scene_.profiles.end(),
-                                [](const SideProfile& profile) { return profile.constant_in_time(); });
+                                [](const SideProfile& profile) { return profile.constant_in_time(); }) &&
+                    std::all_of(scene_.body_force.begin(), scene_.body_force.end(),
+                                [](const Expression& force) { return force.constant_in_time(); });
   FlowSettings settings = scene_.flow;
   evaluate_sides(scene_, 0.0, settings.sides);
   flow_ = std::make_unique<Flow>(settings);
@@ -61,26 +63,18 @@ v1::Exchange Fluid::start(const v1::Exchange& initial, const std::filesystem::pa
     flow_->set_obstacles(scene_.obstacle_positions.size() / 2, scene_.obstacle_connectivity,
                          scene_.obstacle_positions);
   }
+  if (!scene_.solid_nodes.empty()) flow_->set_solid_nodes(scene_.solid_nodes);
   if (initial.has_wet_surface()) take_surface(initial);
-  grains_.start(initial, *flow_, scene_.units);
+  grains_.start(initial, flow_->grid(), scene_.units);
+  bodies_ = std::make_unique<BodyMotion>(scene_);
+  place_bodies(0.0, 1.0, false);
+  flow_->measure_bodies(grains_.active() && scene_.grain_method == GrainMethod::interpolated);
   if (flow_->cells().fluid_count() == 0) {
     throw BadInput("initial.wet_surface",
                    "no fluid is left: the surface encloses the whole domain, or its segments run "
                    "the wrong way round (the fluid lies to their left)");
   }
-  if (!scene_.initial_velocity.empty()) {
-    const Grid& grid = flow_->grid();
-    const double scale = scene_.units.velocity_to_lattice();
-    Fields fields;
-    for (int y = 0; y < grid.ny; ++y) {
-      for (int x = 0; x < grid.nx; ++x) {
-        fields.excess.push_back(0);
-        fields.velocity_x.push_back(scale * scene_.initial_velocity[0](grid.x(x), grid.y(y), 0, 0));
-        fields.velocity_y.push_back(scale * scene_.initial_velocity[1](grid.x(x), grid.y(y), 0, 0));
-      }
-    }
-    set_equilibrium(flow_->populations(), fields, settings.equilibrium);
-  }
+  set_initial_fields();
   if (scene_.has_partner && scene_.mode == Mode::transient) {
     window_start_.emplace();
     flow_->copy_to(*window_start_);
@@ -88,6 +82,63 @@ v1::Exchange Fluid::start(const v1::Exchange& initial, const std::filesystem::pa
   evaluate_fields();
   check_state();
   return {};
+}
+
+void Fluid::set_initial_fields() {
+  if (scene_.initial_velocity.empty() && !scene_.initial_pressure) return;
+  const Grid& grid = flow_->grid();
+  const double scale = scene_.units.velocity_to_lattice();
+  // Velocities hold half of a body force, populations do not.
+  const auto shift = flow_->settings().velocity_shift();
+  Fields fields;
+  for (int z = 0; z < grid.layers(); ++z) {
+    for (int y = 0; y < grid.ny; ++y) {
+      for (int x = 0; x < grid.nx; ++x) {
+        const double at_z = grid.nz > 0 ? grid.z(z) : 0.0;
+        const auto velocity = [&](std::size_t axis) {
+          if (axis >= scene_.initial_velocity.size()) return 0.0;
+          return scale * scene_.initial_velocity[axis](grid.x(x), grid.y(y), at_z, 0) - shift[axis];
+        };
+        const double pressure =
+            scene_.initial_pressure ? (*scene_.initial_pressure)(grid.x(x), grid.y(y), at_z, 0) : 0.0;
+        fields.excess.push_back(scene_.units.excess(pressure));
+        fields.velocity_x.push_back(velocity(0));
+        fields.velocity_y.push_back(velocity(1));
+        if (grid.nz > 0) fields.velocity_z.push_back(velocity(2));
+      }
+    }
+  }
+  set_equilibrium(flow_->populations(), fields, flow_->settings().equilibrium);
+}
+
+void Fluid::place_bodies(double time, double fraction, bool fill) {
+  const bool saturated = grains_.active() && scene_.grain_method == GrainMethod::partially_saturated;
+  if (saturated) flow_->place_grains(grains_.at(fraction));
+  const bool links = grains_.active() && !saturated;
+  if (links || bodies_->obstacle_count() > 0) {
+    bodies_->place(time, links ? grains_.at(fraction) : Grains{}, *flow_, fill);
+  }
+}
+
+void Fluid::restart_body_loads() {
+  flow_->grains().restart_loads();
+  flow_->bodies().restart_loads();
+}
+
+GrainLoads Fluid::grain_loads() const {
+  if (scene_.grain_method == GrainMethod::partially_saturated) return flow_->grains().mean_loads();
+  GrainLoads loads = flow_->bodies().mean_loads();
+  const auto obstacles = static_cast<std::ptrdiff_t>(bodies_->obstacle_count());
+  const int dimension = scene_.dimension();
+  loads.force.erase(loads.force.begin(), loads.force.begin() + obstacles * dimension);
+  loads.torque.erase(loads.torque.begin(), loads.torque.begin() + obstacles * (dimension == 3 ? 3 : 1));
+  return loads;
+}
+
+void Fluid::set_time(double time) {
+  if (sides_constant_) return;
+  evaluate_sides(scene_, time, flow_->sides());
+  if (!scene_.body_force.empty()) flow_->set_acceleration(evaluate_body_force(scene_, time));
 }
 
 void Fluid::take_surface(const v1::Exchange& initial) {
@@ -197,16 +248,20 @@ void Fluid::advance_transient(const Window& window, const Motion& end, ProgressB
   if (window.iteration > 1) {
     if (!window_start_)
       throw BadInput("header.iteration", "no partner in the scene, so windows are not repeated");
+    place_bodies(window.time, 0.0, false);
     give_back(*window_start_);
   } else if (window_start_) {
     flow_->copy_to(*window_start_);
   }
-  grains_.begin_window(*flow_);
-  if (!sides_constant_) evaluate_sides(scene_, window.time, flow_->sides());
+  time_ = window.time;
+  end_time_ = window.time + window.duration;
+  place_bodies(window.time, 0.0, true);
+  restart_body_loads();
+  set_time(window.time);
   const auto steps = static_cast<std::size_t>(rounded);
   const bool resting = end.displacement == accepted_.displacement && end.velocity == accepted_.velocity &&
                        std::all_of(end.velocity.begin(), end.velocity.end(), [](double v) { return v == 0; });
-  const bool all_fixed = resting && sides_constant_ && grains_.resting();
+  const bool all_fixed = resting && sides_constant_ && grains_.resting() && bodies_->fixed();
   auto reported = Clock::now();
   for (std::size_t done = 0; done < steps;) {
     const std::size_t count = all_fixed ? std::min(steps - done, steps_at_once()) : 1;
@@ -214,8 +269,9 @@ void Fluid::advance_transient(const Window& window, const Motion& end, ProgressB
     done += count;
     const double fraction = static_cast<double>(done) / rounded;
     if (!resting) move_inside_window(end, done == steps ? 1.0 : fraction, window.duration);
-    grains_.move_to(done == steps ? 1.0 : fraction, *flow_);
-    if (!sides_constant_) evaluate_sides(scene_, window.time + window.duration * fraction, flow_->sides());
+    const double time = done == steps ? end_time_ : window.time + window.duration * fraction;
+    if (!all_fixed) place_bodies(time, done == steps ? 1.0 : fraction, true);
+    set_time(time);
     if (Clock::now() - reported > std::chrono::milliseconds(100)) {
       check_progress(progress, fraction, fmt::format("step {} of {}", done, steps));
       evaluate_fields();
@@ -230,7 +286,7 @@ void Fluid::advance_transient(const Window& window, const Motion& end, ProgressB
 
 double Fluid::advance_steady(const Window& window, const Motion& end, ProgressBoard& progress) {
   if (!end.displacement.empty()) move_surface(end);
-  grains_.move_to(1.0, *flow_);
+  place_bodies(0.0, 1.0, true);
   const auto between = static_cast<std::uint64_t>(steps_between_checks(flow_->grid().nx, flow_->grid().ny));
   evaluate_fields();
   update_velocities(fields_, flow_->cells(), previous_x_, previous_y_, previous_z_);
@@ -243,7 +299,7 @@ double Fluid::advance_steady(const Window& window, const Motion& end, ProgressBo
   double first = 0;
   const std::uint64_t begin = steps_;
   while (true) {
-    grains_.restart_loads(*flow_);
+    restart_body_loads();
     for (std::uint64_t done = 0; done < between;) {
       const std::size_t count = std::min<std::uint64_t>(between - done, steps_at_once());
       run(count);
@@ -349,12 +405,13 @@ void Fluid::check_state() {
   }
   throw Diverged(
       "velocity",
-      fmt::format("{} at cell ({}, {}), x = {:g} m, y = {:g} m, step {}; last fields in {}",
+      fmt::format("{} at cell ({}, {}, {}), x = {:g} m, y = {:g} m, z = {:g} m, step {}; last fields in {}",
                   bad->finite ? fmt::format("speed {:.3g} m/s (Mach {:.2g})",
                                             bad->speed / scene_.units.velocity_to_lattice(),
                                             bad->speed * std::sqrt(3.0))
                               : std::string("a value that is not finite"),
-                  bad->node.x, bad->node.y, grid.x(bad->node.x), grid.y(bad->node.y), steps_, saved),
+                  bad->node.x, bad->node.y, bad->node.z, grid.x(bad->node.x), grid.y(bad->node.y),
+                  grid.nz > 0 ? grid.z(bad->node.z) : 0.0, steps_, saved),
       fmt::format("the relaxation time is {:.4g}: use a finer spacing, a smaller fluid.lattice_velocity, or "
                   "check that the "
                   "velocities at the sides and of the wet surface stay near fluid.reference_velocity",
@@ -363,7 +420,7 @@ void Fluid::check_state() {
 
 AdvanceResult Fluid::result() {
   AdvanceResult advanced;
-  Force force;
+  BodyLoad total;
   if (flow_->wet_surface()) {
     auto& field = *advanced.outputs.mutable_pressures();
     field.set_surface(surface_.identity());
@@ -372,7 +429,8 @@ AdvanceResult Fluid::result() {
     if (scene_.viscous_traction) {
       for (const double t : traction_) field.add_viscous_traction(t * stress);
     }
-    force = flow_->wet_force();
+    const Force force = flow_->wet_force();
+    total.force = {force.x, force.y, 0.0};
     const Grid& grid = flow_->grid();
     const double fx = force.x * scene_.units.force();
     const double fy = force.y * scene_.units.force();
@@ -382,14 +440,19 @@ AdvanceResult Fluid::result() {
   }
   if (flow_->obstacles()) {
     const Force fixed = flow_->obstacle_force();
-    force.x += fixed.x;
-    force.y += fixed.y;
+    total.force[0] += fixed.x;
+    total.force[1] += fixed.y;
   }
-  grains_.write(*flow_, advanced.outputs);
-  advanced.watches = evaluate_watches(scene_, fields_, flow_->cells(), force);
+  const auto add = [&](const BodyLoad& load) {
+    for (std::size_t axis = 0; axis < 3; ++axis) total.force[axis] += load.force[axis];
+  };
+  for (std::size_t body = 0; body < bodies_->obstacle_count(); ++body) add(flow_->body_load(body));
+  if (!scene_.solid_nodes.empty()) add(flow_->solid_nodes_load());
+  if (grains_.active()) grains_.write(grain_loads(), advanced.outputs);
+  advanced.watches = evaluate_watches(scene_, fields_, *flow_, end_time_, total);
   advanced.work = {.steps = steps_,
                    .updates = updates_,
-                   .bytes_per_update = 2.0 * D2Q9::count * sizeof(double),
+                   .bytes_per_update = 2.0 * flow_->populations().lattice().count * sizeof(double),
                    .phase_seconds = {{"collide and stream", seconds_.collide_and_stream},
                                      {"wet surface", seconds_.wet_surface},
                                      {"fields and loads", seconds_.fields_and_loads}}};
@@ -399,6 +462,7 @@ AdvanceResult Fluid::result() {
 void Fluid::accept() {
   accepted_ = latest_;
   grains_.accept();
+  time_ = end_time_;
 }
 
 void Fluid::save(const std::filesystem::path& file) {
@@ -411,14 +475,16 @@ void Fluid::save(const std::filesystem::path& file) {
   writer.add("steps", steps_);
   writer.add("updates", std::vector<double>{updates_});
   grains_.save(writer);
+  writer.add("time", std::vector<double>{time_});
   if (flow_->wet_surface()) {
     writer.add("displacement", accepted_.displacement);
     writer.add("velocity", accepted_.velocity);
   }
-  for (const SideName name : {left, right, bottom, top}) {
+  for (const SideName name : {left, right, bottom, top, back, front}) {
     const Side& side = flow_->sides()[name];
     std::vector<double> values = side.velocity_x;
     values.insert(values.end(), side.velocity_y.begin(), side.velocity_y.end());
+    values.insert(values.end(), side.velocity_z.begin(), side.velocity_z.end());
     values.insert(values.end(), side.excess.begin(), side.excess.end());
     if (!values.empty()) writer.add(std::string("side ") + side_names[name], values);
   }
@@ -431,16 +497,17 @@ void Fluid::load(const std::filesystem::path& file) {
   flow_->copy_to(state);
   reader.read("populations", state.populations);
   state.parity = reader.read_count("parity") == 1 ? Parity::odd : Parity::even;
-  state.rules_applied = reader.read_count("rules applied") == 1;
+  state.rules_applied = state.sides_complete = reader.read_count("rules applied") == 1;
   steps_ = reader.read_count("steps");
   updates_ = reader.read_all("updates").at(0);
-  for (const SideName name : {left, right, bottom, top}) {
+  for (const SideName name : {left, right, bottom, top, back, front}) {
     Side& side = flow_->sides()[name];
-    std::vector<double> values(side.velocity_x.size() + side.velocity_y.size() + side.excess.size());
+    std::vector<double> values(side.velocity_x.size() + side.velocity_y.size() + side.velocity_z.size() +
+                               side.excess.size());
     if (values.empty()) continue;
     reader.read(std::string("side ") + side_names[name], values);
     auto from = values.begin();
-    for (auto* to : {&side.velocity_x, &side.velocity_y, &side.excess}) {
+    for (auto* to : {&side.velocity_x, &side.velocity_y, &side.velocity_z, &side.excess}) {
       const auto past = from + static_cast<std::ptrdiff_t>(to->size());
       std::copy(from, past, to->begin());
       from = past;
@@ -451,8 +518,12 @@ void Fluid::load(const std::filesystem::path& file) {
     reader.read("velocity", accepted_.velocity);
     latest_ = accepted_;
   }
+  grains_.load(reader);
+  time_ = end_time_ = reader.read_all("time").at(0);
+  place_bodies(time_, 1.0, false);
+  restart_body_loads();
+  set_time(time_);
   give_back(state);
-  grains_.load(reader, *flow_);
   evaluate_fields();
   evaluate_loads();
 }

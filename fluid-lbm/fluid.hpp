@@ -5,6 +5,7 @@
 #include <memory>
 #include <optional>
 
+#include "body_motion.hpp"
 #include "fluid_scene.hpp"
 #include "grain_coupling.hpp"
 #include "output.hpp"
@@ -36,6 +37,12 @@ private:
   void move_surface(const Motion& motion);
   void move_inside_window(const Motion& end, double fraction, double duration);
   void give_back(const Flow::State& state);
+  // Obstacles at a time and grains at a fraction of the window.
+  void place_bodies(double time, double fraction, bool fill);
+  void restart_body_loads();
+  [[nodiscard]] GrainLoads grain_loads() const;
+  void set_initial_fields();
+  void set_time(double time);
 
   void advance_transient(const Window& window, const Motion& end, ProgressBoard& progress);
   double advance_steady(const Window& window, const Motion& end, ProgressBoard& progress);
@@ -63,6 +70,9 @@ private:
   Motion latest_;    // at the end of the last advance
   std::optional<Flow::State> window_start_;
   GrainCoupling grains_;
+  std::unique_ptr<BodyMotion> bodies_;
+  double time_ = 0;  // at the window's start [s]
+  double end_time_ = 0;
   WetLoad wet_load_;
   bool wet_load_stale_ = true;
   Fields fields_;
@@ -72,7 +82,7 @@ private:
   std::vector<double> previous_y_;
   std::vector<double> previous_z_;
   std::vector<double> previous_load_;
-  bool sides_constant_ = true;
+  bool sides_constant_ = true;  // and the body force
   std::uint64_t steps_ = 0;
   std::uint64_t steps_checked_ = 0;
   double updates_ = 0;

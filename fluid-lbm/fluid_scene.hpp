@@ -15,32 +15,56 @@
 
 namespace estuary::fluid {
 
-/// A profile along a side or in the domain: x and y component, or one scalar.
+/// A profile along a side or in the domain: the components of a velocity, or one scalar.
 struct SideProfile {
-  std::vector<Expression> velocity;  // two, or none
+  std::vector<Expression> velocity;  // one per dimension, or none
   std::optional<Expression> pressure;
   [[nodiscard]] bool constant_in_time() const;
 };
 
+/// A disc or sphere that is no grain.
+struct RoundObstacle {
+  std::string name;
+  std::array<double, 3> centre{};  // [m]
+  double radius = 0;               // [m]
+  WallRule rule = WallRule::linear;
+  std::vector<Expression> displacement;      // of the centre over time [m]; empty when fixed
+  std::array<double, 3> surface_velocity{};  // of a wall that slides on the spot [m/s]
+  std::array<double, 3> spin{};              // [rad/s]; the last alone in two dimensions
+};
+
 struct WatchRequest {
-  enum class Kind { integral, point, line };
+  enum class Kind { integral, point, line, obstacle };
   std::string name;
   Kind kind = Kind::integral;
   std::vector<double> points;  // one or two, interleaved [m]
   int samples = 0;             // of a line
+  std::string obstacle;
+  double reference_length = 0;  // obstacle: for coefficients; 0 without
+  double reference_velocity = 0;
+  std::vector<Expression> exact_velocity;  // integral: to compare with
 };
+
+enum class GrainMethod { partially_saturated, interpolated };
 
 struct FluidScene {
   Units units;
   FlowSettings flow;  // kinds of the sides are set, their values are not
-  double magic_parameter = 3.0 / 16.0;
   double reference_velocity = 0;
-  std::array<SideProfile, 4> profiles;
-  std::vector<Expression> initial_velocity;  // two, or none
-  std::vector<double> obstacle_positions;    // of all obstacles [m]
+  std::array<SideProfile, 6> profiles;
+  std::vector<Expression> initial_velocity;  // one per dimension, or none
+  std::optional<Expression> initial_pressure;
+  std::vector<Expression> body_force;      // [m/s2], one per dimension, or none
+  std::vector<double> obstacle_positions;  // of all polygons [m]
   std::vector<std::uint32_t> obstacle_connectivity;
+  std::vector<RoundObstacle> round_obstacles;
+  std::vector<std::uint8_t> solid_nodes;  // from images and boxes, one per node; empty without
+  GrainMethod grain_method = GrainMethod::partially_saturated;
+  WallRule grain_rule = WallRule::linear;
   bool viscous_traction = true;
   bool match_force = false;  // complete the loads to the force by momentum exchange
+  bool has_solid = false;
+  bool has_grains = false;
   bool has_partner = false;  // the scene has other participants
   Mode mode = Mode::transient;
   double window = 0;    // [s]; 0 in steady mode
@@ -49,6 +73,8 @@ struct FluidScene {
   double steady_tolerance = 1e-6;
   std::uint64_t steady_maximum_steps = 0;
   std::vector<WatchRequest> watches;
+
+  [[nodiscard]] int dimension() const { return flow.grid.dimension(); }
 };
 
 /// Notes all problems in the scene; what it gives back counts only when there are none. Fills the plan.
@@ -56,5 +82,7 @@ FluidScene read_fluid_scene(Scene& scene, const std::string& role, Plan& plan);
 
 /// Evaluates the profiles of the sides at time t [s] into lattice units.
 void evaluate_sides(const FluidScene& scene, double time, Sides& sides);
+/// The body force at time t, lattice units.
+[[nodiscard]] std::array<double, 3> evaluate_body_force(const FluidScene& scene, double time);
 
 }  // namespace estuary::fluid

@@ -18,13 +18,13 @@ bool all_zero(const std::vector<double>& values) {
 
 }  // namespace
 
-void GrainCoupling::start(const v1::Exchange& initial, Flow& flow, const Units& units) {
+void GrainCoupling::start(const v1::Exchange& initial, const Grid& grid, const Units& units) {
+  grid_ = grid;
   units_ = units;
   if (!initial.has_grain_states() || initial.grain_states().radius_size() == 0) return;
-  start_ = read_grains(initial.grain_states(), flow.grid().dimension());
+  start_ = read_grains(initial.grain_states(), grid.dimension());
   end_ = start_;
   active_ = true;
-  flow.place_grains(to_lattice(start_, flow.grid(), units_));
 }
 
 void GrainCoupling::take(const v1::Exchange& inputs, double duration, bool steady) {
@@ -58,25 +58,14 @@ bool GrainCoupling::resting() const {
                       all_zero(start_.spin) && all_zero(end_.spin));
 }
 
-void GrainCoupling::begin_window(Flow& flow) {
-  if (!active_) return;
-  flow.place_grains(to_lattice(start_, flow.grid(), units_));
-  flow.grains().restart_loads();
+Grains GrainCoupling::at(double fraction) const {
+  return to_lattice(between(start_, end_, fraction, duration_), grid_, units_);
 }
 
-void GrainCoupling::move_to(double fraction, Flow& flow) {
-  if (!active_) return;
-  flow.place_grains(to_lattice(between(start_, end_, fraction, duration_), flow.grid(), units_));
-}
-
-void GrainCoupling::restart_loads(Flow& flow) const {
-  if (active_) flow.grains().restart_loads();
-}
-
-void GrainCoupling::write(const Flow& flow, v1::Exchange& outputs) const {
+void GrainCoupling::write(const GrainLoads& loads, v1::Exchange& outputs) const {
   if (!active_) return;
   v1::GrainForces& message = *outputs.mutable_grain_forces();
-  write_loads(flow.grains().mean_loads(), start_.dimension, units_, message);
+  write_loads(loads, start_.dimension, units_, message);
   if (!(duration_ > 0)) return;
   // Inertia of the fluid inside.
   const auto components = static_cast<std::size_t>(start_.dimension);
@@ -108,14 +97,13 @@ void GrainCoupling::save(CheckpointWriter& writer) const {
   writer.add("grain spin", start_.spin);
 }
 
-void GrainCoupling::load(const CheckpointReader& reader, Flow& flow) {
+void GrainCoupling::load(const CheckpointReader& reader) {
   if (!active_) return;
   reader.read("grain centre", start_.centre);
   reader.read("grain radius", start_.radius);
   reader.read("grain velocity", start_.velocity);
   reader.read("grain spin", start_.spin);
   end_ = start_;
-  begin_window(flow);
 }
 
 }  // namespace estuary::fluid

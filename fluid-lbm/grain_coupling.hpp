@@ -10,7 +10,6 @@
 #include <optional>
 
 #include "checkpoint.hpp"
-#include "flow.hpp"
 #include "grain_states.hpp"
 #include "participant.hpp"
 
@@ -18,26 +17,25 @@ namespace estuary::fluid {
 
 class GrainCoupling {
 public:
-  /// Places the grains that `initial` brings; without any nothing here does anything.
-  void start(const v1::Exchange& initial, Flow& flow, const Units& units);
+  /// Takes the grains that `initial` brings; without any nothing here does anything.
+  void start(const v1::Exchange& initial, const Grid& grid, const Units& units);
   [[nodiscard]] bool active() const { return active_; }
   /// The grains at the end of the window to come. Throws BadInput, and Diverged when one moves faster than
   /// the lattice bears. In steady mode grains are held where they are.
   void take(const v1::Exchange& inputs, double duration, bool steady);
   /// No grain moves or turns in this window.
   [[nodiscard]] bool resting() const;
-  /// Puts the grains back to the window's start and forgets what they felt.
-  void begin_window(Flow& flow);
-  void move_to(double fraction, Flow& flow);
-  /// Steady mode: the loads of the steps from now on.
-  void restart_loads(Flow& flow) const;
-  void write(const Flow& flow, v1::Exchange& outputs) const;
+  /// Where they are a fraction of the window after its start, lattice units.
+  [[nodiscard]] Grains at(double fraction) const;
+  /// `loads` are means over the window, lattice units.
+  void write(const GrainLoads& loads, v1::Exchange& outputs) const;
   void accept() { start_ = end_; }
   void save(CheckpointWriter& writer) const;
-  void load(const CheckpointReader& reader, Flow& flow);
+  void load(const CheckpointReader& reader);
 
 private:
   bool active_ = false;
+  Grid grid_;
   Units units_;
   Grains start_;  // SI
   Grains end_;

@@ -219,13 +219,14 @@ void complete(Populations& p, Parity parity, const Cells& cells, int name, Side&
 }  // namespace
 
 void complete_open_sides(Populations& populations, Parity parity, const Cells& cells, Sides& sides,
-                         EquilibriumModel equilibrium, const std::array<double, 3>& acceleration) {
+                         EquilibriumModel equilibrium, const std::array<double, 3>& acceleration,
+                         bool again) {
   const int dimension = populations.lattice().dimension;
   const bool compressible = equilibrium == EquilibriumModel::compressible;
   bool any = false;
   for (int name = 0; name < side_count(dimension); ++name) {
     Side& side = sides[static_cast<std::size_t>(name)];
-    if (!is_open(side.kind)) continue;
+    if (!is_open(side.kind) || (again && side.kind == SideKind::outflow)) continue;
     any = true;
     const Context context{side, compressible, acceleration};
     if (dimension == 3) {

@@ -11,24 +11,30 @@ void Output::write_fields(const std::filesystem::path& file, const Flow& flow, c
                           const Units& units) const {
   const Grid& grid = flow.grid();
   const std::size_t count = fields.excess.size();
-  std::vector<double> velocity(2 * count);
+  const std::size_t components = grid.nz > 0 ? 3 : 2;
+  std::vector<double> velocity(components * count);
   std::vector<double> pressure(count);
   std::vector<double> solid(count);
   const auto finite = [](double value) { return std::isfinite(value) ? value : 0.0; };
   const double to_velocity = 1 / units.velocity_to_lattice();
   const double to_pressure = D2Q9::sound_speed_squared * units.stress();
+  if (!flow.grains().empty()) flow.grains().fractions(solid);
   for (std::size_t k = 0; k < count; ++k) {
-    velocity[2 * k] = finite(fields.velocity_x[k] * to_velocity);
-    velocity[2 * k + 1] = finite(fields.velocity_y[k] * to_velocity);
+    velocity[components * k] = finite(fields.velocity_x[k] * to_velocity);
+    velocity[components * k + 1] = finite(fields.velocity_y[k] * to_velocity);
+    if (components == 3) velocity[components * k + 2] = finite(fields.velocity_z[k] * to_velocity);
     pressure[k] = finite(fields.excess[k] * to_pressure);
     const auto x = static_cast<int>(k % static_cast<std::size_t>(grid.nx));
-    const auto y = static_cast<int>(k / static_cast<std::size_t>(grid.nx));
-    solid[k] = flow.cells().fluid(x, y) ? 0.0 : 1.0;
+    const auto row = static_cast<int>(k / static_cast<std::size_t>(grid.nx));
+    if (!flow.cells().fluid(x, row % grid.ny, row / grid.ny)) solid[k] = 1;
   }
-  const std::vector<FieldView> views{
-      {"velocity", 2, velocity}, {"pressure", 1, pressure}, {"solid", 1, solid}};
-  write_image(file, {static_cast<std::uint32_t>(grid.nx), static_cast<std::uint32_t>(grid.ny), 1},
-              {grid.x0, grid.y0, 0.0}, grid.spacing, views);
+  const std::vector<FieldView> views{{"velocity", static_cast<std::uint32_t>(components), velocity},
+                                     {"pressure", 1, pressure},
+                                     {"solid", 1, solid}};
+  write_image(file,
+              {static_cast<std::uint32_t>(grid.nx), static_cast<std::uint32_t>(grid.ny),
+               static_cast<std::uint32_t>(grid.layers())},
+              {grid.x0, grid.y0, grid.z0}, grid.spacing, views);
 }
 
 std::vector<std::string> Output::write(std::uint64_t number, double time, const Flow& flow,

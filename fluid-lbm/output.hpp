@@ -16,9 +16,9 @@ class Output {
 public:
   explicit Output(const std::filesystem::path& folder);
 
-  /// Writes frame-*.hdf (velocity [m/s], pressure [Pa], solid: 1 in the solid) and, with a wet surface,
-  /// surface-*.hdf (velocity [m/s], pressure [Pa], traction [Pa]); returns their names. `fields` and loads in
-  /// lattice units.
+  /// Writes frame-*.hdf (velocity [m/s], pressure [Pa], solid: 1 in the solid, the share of the cell in
+  /// grains) and, with a wet surface, surface-*.hdf (velocity [m/s], pressure [Pa], traction [Pa]); returns
+  /// their names. `fields` and loads in lattice units.
   std::vector<std::string> write(std::uint64_t number, double time, const Flow& flow, const Fields& fields,
                                  const Units& units, const std::vector<double>& pressure,
                                  const std::vector<double>& traction);

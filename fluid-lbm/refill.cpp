@@ -2,16 +2,19 @@
 
 #include <algorithm>
 #include <cmath>
+#include <tuple>
 
 namespace estuary::fluid {
 namespace {
 
-using Nine = std::array<double, D2Q9::count>;
+template <class Lattice>
+using Values = std::array<double, Lattice::count>;
 
-Nine post_collision_of(const Populations& p, Node node) {
-  Nine f;
-  const std::ptrdiff_t n = p.node(node.x, node.y);
-  for (int i = 0; i < D2Q9::count; ++i)
+template <class Lattice>
+Values<Lattice> post_collision_of(const Populations& p, Node node) {
+  Values<Lattice> f;
+  const std::ptrdiff_t n = p.node(node.x, node.y, node.z);
+  for (int i = 0; i < Lattice::count; ++i)
     f[static_cast<std::size_t>(i)] = p[p.post_collision(p.parity(), i, n)];
   return f;
 }
@@ -21,88 +24,130 @@ double inverse_density(EquilibriumModel model, double excess) {
                                                  : Incompressible::inverse_density(excess);
 }
 
-struct Filling {
-  Node node;
-  Nine f;
+bool row_first(Node p, Node q) {
+  return std::tie(p.z, p.y, p.x) < std::tie(q.z, q.y, q.x);
+}
+
+template <class Lattice>
+class Refill {
+public:
+  Refill(Populations& populations, const Cells& cells, const std::function<WallPoint(Node)>& wall_at,
+         EquilibriumModel model, RefillRule rule)
+      : populations_(populations), cells_(cells), wall_at_(wall_at), model_(model), rule_(rule) {}
+
+  std::size_t fill(std::vector<Node> uncovered) {
+    std::vector<Filling> layer;
+    std::vector<Node> later;
+    std::size_t orphans = 0;
+    while (!uncovered.empty()) {
+      layer.clear();
+      later.clear();
+      std::sort(uncovered.begin(), uncovered.end(), row_first);
+      for (const Node node : uncovered) {
+        if (!fill_from_neighbours(node, uncovered, layer)) later.push_back(node);
+      }
+      if (layer.empty()) {  // cut off from all fluid
+        for (const Node node : later) layer.push_back(value_at(node, 0, wall_at_(node), {}));
+        orphans += later.size();
+        later.clear();
+      }
+      for (const Filling& filling : layer) {
+        const std::ptrdiff_t n = populations_.node(filling.node.x, filling.node.y, filling.node.z);
+        for (int i = 0; i < Lattice::count; ++i) {
+          populations_[populations_.post_collision(populations_.parity(), i, n)] =
+              filling.f[static_cast<std::size_t>(i)];
+        }
+      }
+      uncovered.swap(later);
+    }
+    return orphans;
+  }
+
+private:
+  struct Filling {
+    Node node;
+    Values<Lattice> f;
+  };
+
+  Filling value_at(Node node, double excess, const WallPoint& wall,
+                   const Values<Lattice>& nonequilibrium) const {
+    const double density = model_ == EquilibriumModel::compressible ? 1 + excess : 1;
+    const Moments m{excess, density * wall.velocity[0], density * wall.velocity[1],
+                    density * wall.velocity[2]};
+    const double inverse = inverse_density(model_, excess);
+    Filling filling{node, {}};
+    for (int i = 0; i < Lattice::count; ++i) {
+      filling.f[static_cast<std::size_t>(i)] =
+          equilibrium<Lattice>(i, m, inverse) + nonequilibrium[static_cast<std::size_t>(i)];
+    }
+    return filling;
+  }
+
+  bool fill_from_neighbours(Node node, const std::vector<Node>& uncovered,
+                            std::vector<Filling>& layer) const {
+    const Grid& grid = cells_.grid();
+    const WallPoint wall = wall_at_(node);
+    double sum = 0;
+    int count = 0;
+    double best = -2;
+    Values<Lattice> f_best{};
+    for (int i = 1; i < Lattice::count; ++i) {
+      const auto& c = Lattice::velocity[static_cast<std::size_t>(i)];
+      const Node neighbour{grid.wrap_x(node.x + c[0]), grid.wrap_y(node.y + c[1]),
+                           grid.wrap_z(node.z + c[2])};
+      if (!grid.inside(neighbour.x, neighbour.y, neighbour.z) ||
+          !cells_.fluid(neighbour.x, neighbour.y, neighbour.z) ||
+          std::binary_search(uncovered.begin(), uncovered.end(), neighbour, row_first)) {
+        continue;
+      }
+      const auto f = post_collision_of<Lattice>(populations_, neighbour);
+      sum += moments_of<Lattice>(f).excess;
+      ++count;
+      const double length = std::sqrt(static_cast<double>(c[0] * c[0] + c[1] * c[1] + c[2] * c[2]));
+      const double aligned = (c[0] * wall.normal[0] + c[1] * wall.normal[1] + c[2] * wall.normal[2]) / length;
+      if (aligned > best) {
+        best = aligned;
+        f_best = f;
+      }
+    }
+    if (count == 0) return false;
+    if (rule_ == RefillRule::equilibrium) {
+      f_best.fill(0.0);
+    } else {
+      const Moments neighbour = moments_of<Lattice>(f_best);
+      const double inverse = inverse_density(model_, neighbour.excess);
+      for (int i = 0; i < Lattice::count; ++i) {
+        f_best[static_cast<std::size_t>(i)] -= equilibrium<Lattice>(i, neighbour, inverse);
+      }
+    }
+    layer.push_back(value_at(node, sum / count, wall, f_best));
+    return true;
+  }
+
+  Populations& populations_;
+  const Cells& cells_;
+  const std::function<WallPoint(Node)>& wall_at_;
+  EquilibriumModel model_;
+  RefillRule rule_;
 };
 
 }  // namespace
 
 std::size_t refill(Populations& populations, const Cells& cells, std::vector<Node> uncovered,
-                   const Surface& surface, EquilibriumModel model) {
-  const Grid& grid = cells.grid();
-  std::vector<Filling> layer;
-  std::vector<Node> later;
-  std::size_t orphans = 0;
-  while (!uncovered.empty()) {
-    layer.clear();
-    later.clear();
-    const auto row_first = [](Node p, Node q) { return p.y != q.y ? p.y < q.y : p.x < q.x; };
-    std::sort(uncovered.begin(), uncovered.end(), row_first);
-    const auto usable = [&](Node node) {
-      return cells.fluid(node.x, node.y) &&
-             !std::binary_search(uncovered.begin(), uncovered.end(), node, row_first);
-    };
-    const auto value_at = [&](Node node, const Moments& m, const Nine& nonequilibrium) {
-      const double inverse = inverse_density(model, m.excess);
-      Filling filling{node, {}};
-      for (int i = 0; i < D2Q9::count; ++i) {
-        filling.f[static_cast<std::size_t>(i)] =
-            equilibrium<D2Q9>(i, m, inverse) + nonequilibrium[static_cast<std::size_t>(i)];
-      }
-      return filling;
-    };
-    const auto moments_at_wall = [&](double excess, const Surface::Nearest& wall) {
-      const double density = model == EquilibriumModel::compressible ? 1 + excess : 1;
-      return Moments{excess, density * wall.velocity_x, density * wall.velocity_y};
-    };
-    for (const Node node : uncovered) {
-      const auto wall = surface.nearest(node.x, node.y);
-      double sum = 0;
-      int count = 0;
-      double best = -2;
-      Nine f_best{};
-      for (int i = 1; i < D2Q9::count; ++i) {
-        const auto& c = D2Q9::velocity[static_cast<std::size_t>(i)];
-        const Node neighbour{grid.wrap_x(node.x + c[0]), grid.wrap_y(node.y + c[1])};
-        if (!grid.inside(neighbour.x, neighbour.y) || !usable(neighbour)) continue;
-        const Nine f = post_collision_of(populations, neighbour);
-        sum += moments_of<D2Q9>(f).excess;
-        ++count;
-        const double aligned = (c[0] * wall.normal_x + c[1] * wall.normal_y) / std::hypot(c[0], c[1]);
-        if (aligned > best) {
-          best = aligned;
-          f_best = f;
-        }
-      }
-      if (count == 0) {
-        later.push_back(node);
-        continue;
-      }
-      const Moments neighbour = moments_of<D2Q9>(f_best);
-      const double inverse = inverse_density(model, neighbour.excess);
-      for (int i = 0; i < D2Q9::count; ++i) {
-        f_best[static_cast<std::size_t>(i)] -= equilibrium<D2Q9>(i, neighbour, inverse);
-      }
-      layer.push_back(value_at(node, moments_at_wall(sum / count, wall), f_best));
-    }
-    if (layer.empty()) {  // cut off from all fluid
-      for (const Node node : later) {
-        layer.push_back(value_at(node, moments_at_wall(0, surface.nearest(node.x, node.y)), Nine{}));
-      }
-      orphans += later.size();
-      later.clear();
-    }
-    for (const Filling& filling : layer) {
-      const std::ptrdiff_t n = populations.node(filling.node.x, filling.node.y);
-      for (int i = 0; i < D2Q9::count; ++i) {
-        populations[populations.post_collision(populations.parity(), i, n)] =
-            filling.f[static_cast<std::size_t>(i)];
-      }
-    }
-    uncovered.swap(later);
+                   const std::function<WallPoint(Node)>& wall_at, EquilibriumModel model, RefillRule rule) {
+  if (populations.lattice().dimension == 3) {
+    return Refill<D3Q19>(populations, cells, wall_at, model, rule).fill(std::move(uncovered));
   }
-  return orphans;
+  return Refill<D2Q9>(populations, cells, wall_at, model, rule).fill(std::move(uncovered));
+}
+
+std::size_t refill(Populations& populations, const Cells& cells, std::vector<Node> uncovered,
+                   const Surface& surface, EquilibriumModel model) {
+  const auto wall_at = [&](Node node) -> WallPoint {
+    const auto near = surface.nearest(node.x, node.y);
+    return {{near.normal_x, near.normal_y, 0}, {near.velocity_x, near.velocity_y, 0}};
+  };
+  return refill(populations, cells, std::move(uncovered), wall_at, model);
 }
 
 }  // namespace estuary::fluid

@@ -69,8 +69,10 @@ using Sides = std::array<Side, 6>;
 void exchange_and_reflect(Populations& populations, Parity parity, const Sides& sides);
 
 /// Completes the outermost nodes of open sides. After the links' rule, whose populations it needs.
-/// `acceleration` is the body force whose half is part of the velocity.
+/// `acceleration` is the body force whose half is part of the velocity. `again` says that this was done since
+/// the last step: an outflow, which looks at what left its nodes, then stays as it is.
 void complete_open_sides(Populations& populations, Parity parity, const Cells& cells, Sides& sides,
-                         EquilibriumModel equilibrium, const std::array<double, 3>& acceleration = {});
+                         EquilibriumModel equilibrium, const std::array<double, 3>& acceleration = {},
+                         bool again = false);
 
 }  // namespace estuary::fluid

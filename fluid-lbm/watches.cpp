@@ -7,34 +7,43 @@ namespace estuary::fluid {
 namespace {
 
 struct Sample {
-  double velocity_x = 0;  // lattice units
-  double velocity_y = 0;
+  std::array<double, 3> velocity{};  // lattice units
   double excess = 0;
 };
 
-// Bilinear; nodes that are not fluid leave their weight to the others. Zero inside the solid.
-Sample sample_at(const Fields& fields, const Cells& cells, double px, double py) {
+std::array<double, 3> to_lattice(const Grid& grid, const double* point) {
+  return {grid.to_lattice_x(point[0]), grid.to_lattice_y(point[1]),
+          grid.nz > 0 ? grid.to_lattice_z(point[2]) : 0.0};
+}
+
+// Linear between the nodes around; nodes that are not fluid leave their weight to the others. Zero inside
+// the solid.
+Sample sample_at(const Fields& fields, const Cells& cells, const std::array<double, 3>& at) {
   const Grid& grid = cells.grid();
-  const int x0 = static_cast<int>(std::floor(px));
-  const int y0 = static_cast<int>(std::floor(py));
+  const int x0 = static_cast<int>(std::floor(at[0]));
+  const int y0 = static_cast<int>(std::floor(at[1]));
+  const int z0 = static_cast<int>(std::floor(at[2]));
+  const int z_last = grid.nz > 0 ? z0 + 1 : z0;
   Sample sum;
   double total = 0;
-  for (int y = y0; y <= y0 + 1; ++y) {
-    for (int x = x0; x <= x0 + 1; ++x) {
-      const Node node{grid.wrap_x(x), grid.wrap_y(y)};
-      if (!grid.inside(node.x, node.y) || !cells.fluid(node.x, node.y)) continue;
-      const double weight = (1 - std::abs(px - x)) * (1 - std::abs(py - y));
-      const auto k = static_cast<std::size_t>(node.y) * static_cast<std::size_t>(grid.nx) +
-                     static_cast<std::size_t>(node.x);
-      total += weight;
-      sum.velocity_x += weight * fields.velocity_x[k];
-      sum.velocity_y += weight * fields.velocity_y[k];
-      sum.excess += weight * fields.excess[k];
+  for (int z = z0; z <= z_last; ++z) {
+    for (int y = y0; y <= y0 + 1; ++y) {
+      for (int x = x0; x <= x0 + 1; ++x) {
+        const Node node{grid.wrap_x(x), grid.wrap_y(y), grid.wrap_z(z)};
+        if (!grid.inside(node.x, node.y, node.z) || !cells.fluid(node.x, node.y, node.z)) continue;
+        const double weight =
+            (1 - std::abs(at[0] - x)) * (1 - std::abs(at[1] - y)) * (1 - std::abs(at[2] - z));
+        const std::size_t k = grid.index(node.x, node.y, node.z);
+        total += weight;
+        sum.velocity[0] += weight * fields.velocity_x[k];
+        sum.velocity[1] += weight * fields.velocity_y[k];
+        if (grid.nz > 0) sum.velocity[2] += weight * fields.velocity_z[k];
+        sum.excess += weight * fields.excess[k];
+      }
     }
   }
   if (total > 0) {
-    sum.velocity_x /= total;
-    sum.velocity_y /= total;
+    for (double& component : sum.velocity) component /= total;
     sum.excess /= total;
   }
   return sum;
@@ -43,60 +52,200 @@ Sample sample_at(const Fields& fields, const Cells& cells, double px, double py)
 void evaluate_line(const FluidScene& scene, const WatchRequest& watch, const Fields& fields,
                    const Cells& cells, WatchValues& values) {
   const Grid& grid = cells.grid();
-  const double tx = watch.points[2] - watch.points[0];
-  const double ty = watch.points[3] - watch.points[1];
-  const double length = std::hypot(tx, ty);
+  const auto components = static_cast<std::size_t>(grid.dimension());
+  const auto from = to_lattice(grid, watch.points.data());
+  const auto to = to_lattice(grid, watch.points.data() + components);
+  std::array<double, 3> along{};
+  for (std::size_t axis = 0; axis < 3; ++axis) along[axis] = to[axis] - from[axis];
+  const double length =
+      std::sqrt(along[0] * along[0] + along[1] * along[1] + along[2] * along[2]) * grid.spacing;
+  const double step = length / (watch.samples - 1);
+  const double to_velocity = 1 / scene.units.velocity_to_lattice();
   double reversal = 0;
   double flow_rate = 0;
   double before = 0;         // velocity_x at the sample before
   double before_across = 0;  // velocity to the right of the line there
+  struct Extreme {
+    double value = 0;
+    double at = 0;
+  };
+  std::array<Extreme, 4> extremes{};  // smallest and largest velocity_x, velocity_y
   for (int n = 0; n < watch.samples; ++n) {
     const double fraction = static_cast<double>(n) / (watch.samples - 1);
-    const Sample sample = sample_at(fields, cells, grid.to_lattice_x(watch.points[0] + fraction * tx),
-                                    grid.to_lattice_y(watch.points[1] + fraction * ty));
-    const double across = length > 0 ? (sample.velocity_x * ty - sample.velocity_y * tx) / length : 0;
+    std::array<double, 3> at{};
+    for (std::size_t axis = 0; axis < 3; ++axis) at[axis] = from[axis] + fraction * along[axis];
+    const auto velocity = sample_at(fields, cells, at).velocity;
+    const double across =
+        length > 0 ? (velocity[0] * along[1] - velocity[1] * along[0]) * grid.spacing / length : 0;
     if (n > 0) {
-      const double step = length / (watch.samples - 1);
       flow_rate += 0.5 * (across + before_across) * step;
-      if (before < 0 && sample.velocity_x >= 0) {
-        reversal = length * fraction - step * sample.velocity_x / (sample.velocity_x - before);
+      if (before < 0 && velocity[0] >= 0) {
+        reversal = length * fraction - step * velocity[0] / (velocity[0] - before);
       }
     }
-    before = sample.velocity_x;
+    for (std::size_t axis : {std::size_t{0}, std::size_t{1}}) {
+      if (n == 0 || velocity[axis] < extremes[2 * axis].value)
+        extremes[2 * axis] = {velocity[axis], length * fraction};
+      if (n == 0 || velocity[axis] > extremes[2 * axis + 1].value)
+        extremes[2 * axis + 1] = {velocity[axis], length * fraction};
+    }
+    before = velocity[0];
     before_across = across;
   }
-  values.quantities = {{"reversal", reversal}, {"flow_rate", flow_rate / scene.units.velocity_to_lattice()}};
+  values.quantities = {{"reversal", reversal}};
+  if (components == 2) values.quantities.emplace_back("flow_rate", flow_rate * to_velocity);
+  constexpr std::array names{"minimum_velocity_x", "maximum_velocity_x", "minimum_velocity_y",
+                             "maximum_velocity_y"};
+  for (std::size_t k = 0; k < names.size(); ++k) {
+    values.quantities.emplace_back(names[k], extremes[k].value * to_velocity);
+    values.quantities.emplace_back(std::string(names[k]) + "_at", extremes[k].at);
+  }
+}
+
+// Vorticity (its z component) from central differences of samples one spacing away.
+double vorticity_at(const Fields& fields, const Cells& cells, std::array<double, 3> at) {
+  const auto shifted = [&](std::size_t axis, double by) {
+    auto place = at;
+    place[axis] += by;
+    return sample_at(fields, cells, place).velocity;
+  };
+  return 0.5 * (shifted(0, 1)[1] - shifted(0, -1)[1] - shifted(1, 1)[0] + shifted(1, -1)[0]);
+}
+
+void evaluate_point(const FluidScene& scene, const WatchRequest& watch, const Fields& fields,
+                    const Cells& cells, WatchValues& values) {
+  const Units& units = scene.units;
+  const double to_velocity = 1 / units.velocity_to_lattice();
+  const auto at = to_lattice(cells.grid(), watch.points.data());
+  const Sample sample = sample_at(fields, cells, at);
+  const auto& v = sample.velocity;
+  values.quantities = {{"velocity_x", v[0] * to_velocity}, {"velocity_y", v[1] * to_velocity}};
+  if (cells.grid().nz > 0) values.quantities.emplace_back("velocity_z", v[2] * to_velocity);
+  values.quantities.emplace_back("speed", std::sqrt(v[0] * v[0] + v[1] * v[1] + v[2] * v[2]) * to_velocity);
+  values.quantities.emplace_back("pressure", sample.excess * D2Q9::sound_speed_squared * units.stress());
+  values.quantities.emplace_back("vorticity", vorticity_at(fields, cells, at) / units.time_step);
+}
+
+// Relative L2 and largest difference to the velocity a scene gives.
+void compare(const FluidScene& scene, const WatchRequest& watch, const Fields& fields, const Cells& cells,
+             double time, WatchValues& values) {
+  const Grid& grid = cells.grid();
+  const double to_velocity = 1 / scene.units.velocity_to_lattice();
+  double change = 0;
+  double norm = 0;
+  double largest = 0;
+  double largest_exact = 0;
+  for (int row = 0; row < grid.rows(); ++row) {
+    const int y = row % grid.ny;
+    const int z = row / grid.ny;
+    for (const Span span : cells.row(row)) {
+      for (int x = span.begin; x < span.end; ++x) {
+        const std::size_t k = grid.index(x, y, z);
+        const std::array<double, 3> computed{fields.velocity_x[k], fields.velocity_y[k],
+                                             grid.nz > 0 ? fields.velocity_z[k] : 0.0};
+        double square = 0;
+        double exact_square = 0;
+        for (std::size_t axis = 0; axis < watch.exact_velocity.size(); ++axis) {
+          const double exact =
+              watch.exact_velocity[axis](grid.x(x), grid.y(y), grid.nz > 0 ? grid.z(z) : 0.0, time);
+          square += (computed[axis] * to_velocity - exact) * (computed[axis] * to_velocity - exact);
+          exact_square += exact * exact;
+        }
+        change += square;
+        norm += exact_square;
+        largest = std::max(largest, square);
+        largest_exact = std::max(largest_exact, exact_square);
+      }
+    }
+  }
+  values.quantities.emplace_back("velocity_error", norm > 0 ? std::sqrt(change / norm) : std::sqrt(change));
+  values.quantities.emplace_back("largest_velocity_error",
+                                 largest_exact > 0 ? std::sqrt(largest / largest_exact) : std::sqrt(largest));
+}
+
+void evaluate_integral(const FluidScene& scene, const Fields& fields, const Cells& cells,
+                       const BodyLoad& force, WatchValues& values) {
+  const Units& units = scene.units;
+  const Grid& grid = cells.grid();
+  const double to_velocity = 1 / units.velocity_to_lattice();
+  const FieldSums sums = sum_fields(fields, cells, scene.flow.sides);
+  const double cell = std::pow(units.spacing, grid.dimension());
+  // Of the whole domain, solid included.
+  double volume = 1;
+  const std::array<int, 3> counts{grid.nx, grid.ny, grid.layers()};
+  for (std::size_t axis = 0; axis < static_cast<std::size_t>(grid.dimension()); ++axis) {
+    const auto& sides = scene.flow.sides;
+    volume *= counts[axis] - 0.5 * (is_open(sides[2 * axis].kind) ? 1 : 0) -
+              0.5 * (is_open(sides[2 * axis + 1].kind) ? 1 : 0);
+  }
+  values.quantities = {
+      {"kinetic_energy", sums.kinetic_energy * units.density * to_velocity * to_velocity * cell},
+      {"mass", (sums.area + sums.excess) * units.density * cell},
+      {"maximum_speed", sums.maximum_speed * to_velocity},
+      {"porosity", sums.area / volume},
+      {"mean_velocity_x", sums.momentum_x / volume * to_velocity},
+      {"mean_velocity_y", sums.momentum_y / volume * to_velocity}};
+  if (grid.nz > 0) values.quantities.emplace_back("mean_velocity_z", sums.momentum_z / volume * to_velocity);
+  const double scale = units.force(grid.dimension());
+  values.quantities.emplace_back("force_x", force.force[0] * scale);
+  values.quantities.emplace_back("force_y", force.force[1] * scale);
+  if (grid.nz > 0) values.quantities.emplace_back("force_z", force.force[2] * scale);
+}
+
+void evaluate_obstacle(const FluidScene& scene, const WatchRequest& watch, const Flow& flow,
+                       WatchValues& values) {
+  const int dimension = flow.grid().dimension();
+  BodyLoad sum;
+  for (std::size_t body = 0; body < scene.round_obstacles.size(); ++body) {
+    if (scene.round_obstacles[body].name != watch.obstacle) continue;
+    const BodyLoad load = flow.body_load(body);
+    for (std::size_t axis = 0; axis < 3; ++axis) {
+      sum.force[axis] += load.force[axis];
+      sum.torque[axis] += load.torque[axis];
+    }
+  }
+  const double force = scene.units.force(dimension);
+  const double torque = force * scene.units.spacing;
+  const double area = dimension == 3 ? watch.reference_length * watch.reference_length * 0.78539816339744831
+                                     : watch.reference_length;
+  const double dynamic =
+      0.5 * scene.units.density * watch.reference_velocity * watch.reference_velocity * area;
+  values.quantities = {{"force_x", sum.force[0] * force}, {"force_y", sum.force[1] * force}};
+  if (dimension == 3) {
+    values.quantities.emplace_back("force_z", sum.force[2] * force);
+    values.quantities.emplace_back("torque_x", sum.torque[0] * torque);
+    values.quantities.emplace_back("torque_y", sum.torque[1] * torque);
+    values.quantities.emplace_back("torque_z", sum.torque[2] * torque);
+  } else {
+    values.quantities.emplace_back("torque", sum.torque[2] * torque);
+  }
+  if (dynamic > 0) {
+    values.quantities.emplace_back("drag_coefficient", sum.force[0] * force / dynamic);
+    values.quantities.emplace_back("lift_coefficient", sum.force[1] * force / dynamic);
+  }
 }
 
 }  // namespace
 
-std::vector<WatchValues> evaluate_watches(const FluidScene& scene, const Fields& fields, const Cells& cells,
-                                          const Force& force) {
-  const Units& units = scene.units;
-  const double to_velocity = 1 / units.velocity_to_lattice();
+std::vector<WatchValues> evaluate_watches(const FluidScene& scene, const Fields& fields, const Flow& flow,
+                                          double time, const BodyLoad& force) {
   std::vector<WatchValues> result;
   for (const WatchRequest& watch : scene.watches) {
     WatchValues values{watch.name, {}};
-    if (watch.kind == WatchRequest::Kind::point) {
-      const Sample sample = sample_at(fields, cells, cells.grid().to_lattice_x(watch.points[0]),
-                                      cells.grid().to_lattice_y(watch.points[1]));
-      const double u = sample.velocity_x * to_velocity;
-      const double v = sample.velocity_y * to_velocity;
-      values.quantities = {{"velocity_x", u},
-                           {"velocity_y", v},
-                           {"speed", std::hypot(u, v)},
-                           {"pressure", sample.excess * D2Q9::sound_speed_squared * units.stress()}};
-    } else if (watch.kind == WatchRequest::Kind::line) {
-      evaluate_line(scene, watch, fields, cells, values);
-    } else {
-      const FieldSums sums = sum_fields(fields, cells, scene.flow.sides);
-      const double cell = units.spacing * units.spacing;
-      values.quantities = {
-          {"kinetic_energy", sums.kinetic_energy * units.density * to_velocity * to_velocity * cell},
-          {"mass", (sums.area + sums.excess) * units.density * cell},
-          {"maximum_speed", sums.maximum_speed * to_velocity},
-          {"force_x", force.x * units.force()},
-          {"force_y", force.y * units.force()}};
+    switch (watch.kind) {
+      case WatchRequest::Kind::point:
+        evaluate_point(scene, watch, fields, flow.cells(), values);
+        break;
+      case WatchRequest::Kind::line:
+        evaluate_line(scene, watch, fields, flow.cells(), values);
+        break;
+      case WatchRequest::Kind::obstacle:
+        evaluate_obstacle(scene, watch, flow, values);
+        break;
+      case WatchRequest::Kind::integral:
+        evaluate_integral(scene, fields, flow.cells(), force, values);
+        if (!watch.exact_velocity.empty()) compare(scene, watch, fields, flow.cells(), time, values);
+        break;
     }
     result.push_back(std::move(values));
   }

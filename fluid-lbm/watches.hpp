@@ -1,22 +1,29 @@
-// Values a scene asks to follow: at a point, along a line, or of the whole flow.
+// Values a scene asks to follow: at a point, along a line, on an obstacle, or of the whole flow.
 #pragma once
 
 #include <vector>
 
 #include "fields.hpp"
+#include "flow.hpp"
 #include "fluid_scene.hpp"
-#include "links.hpp"
 
 namespace estuary::fluid {
 
-/// point     velocity_x, velocity_y, speed [m/s], pressure [Pa]; bilinear between the fluid nodes around it
+/// point     velocity_x, velocity_y, (velocity_z,) speed [m/s], pressure [Pa], vorticity [1/s]; linear
+/// between
+///           the fluid nodes around it
 /// line      reversal: distance along the line [m] of the last place where velocity_x turns from negative to
-/// positive (0
-///           when it does nowhere); flow_rate: volume per second and metre of depth through the line, from
-///           its left to its right as walked [m2/s]
-/// integral  kinetic_energy [J/m], mass [kg/m], maximum_speed [m/s], force_x, force_y: on wet surface and
-/// obstacles [N/m]
-std::vector<WatchValues> evaluate_watches(const FluidScene& scene, const Fields& fields, const Cells& cells,
-                                          const Force& force);
+///           positive (0 when it does nowhere); minimum_velocity_x, maximum_velocity_x, ..._y and with _at
+///           their distance along the line; in two dimensions flow_rate: volume per second and metre of
+///           depth through the line, from its left to its right as walked [m2/s]
+/// obstacle  force_x, force_y, (force_z) [N, in two dimensions N/m], torque about the centre [N m, N]; with a
+///           reference length L drag_coefficient and lift_coefficient: force_x and force_y over
+///           rho U^2 L / 2, in three dimensions over rho U^2 / 2 times pi L^2 / 4
+/// integral  kinetic_energy [J, J/m], mass [kg, kg/m], maximum_speed, porosity, mean_velocity_x, ... (over
+/// fluid
+///           and solid) [m/s], force_x, ...: on all that is fixed and the wet surface [N, N/m]; with an exact
+///           velocity velocity_error (relative L2) and largest_velocity_error (over the largest exact one)
+std::vector<WatchValues> evaluate_watches(const FluidScene& scene, const Fields& fields, const Flow& flow,
+                                          double time, const BodyLoad& force);
 
 }  // namespace estuary::fluid

@@ -84,11 +84,11 @@ TEST(Configure, RefusesWhatCannotWork) {
   const std::string good = channel_scene(steady);
   ASSERT_EQ(problems_of(good), "");
   EXPECT_THAT(problems_of(with(good, "spacing = 0.02", "spacing = 0.021")),
-              HasSubstr("the nearest that fits both directions is 0.02"));
+              HasSubstr("the nearest that fits all directions is 0.02"));
   EXPECT_THAT(problems_of(with(good, "spacing = 0.02", "spacing = -1")), HasSubstr("spacing"));
   EXPECT_THAT(problems_of(with(good, "viscosity = 0.05", "viscosity = 0")), HasSubstr("viscosity"));
   EXPECT_THAT(problems_of(with(good, "viscosity = 0.05", "vicsosity = 0.05")), HasSubstr("viscosity"));
-  EXPECT_THAT(problems_of(with(good, "dimension = 2", "dimension = 3")), HasSubstr("two dimensions"));
+  EXPECT_THAT(problems_of(with(good, "dimension = 2", "dimension = 3")), HasSubstr("size"));
   EXPECT_THAT(
       problems_of(with(good, "density = 2.0", "density = 2.0\ntime_step = 1e-3\nrelaxation_time = 0.8")),
       HasSubstr("only one of"));

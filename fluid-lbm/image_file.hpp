@@ -1,0 +1,21 @@
+// Grey images as maps of solid and fluid.
+#pragma once
+
+#include <cstdint>
+#include <filesystem>
+#include <vector>
+
+namespace estuary::fluid {
+
+/// Brightness 0 to 255, row by row from the top of the picture.
+struct GreyImage {
+  int width = 0;
+  int height = 0;
+  std::vector<std::uint8_t> values;
+};
+
+/// Reads a PNG (any kind) or a BMP (uncompressed, 1, 4, 8, 24 or 32 bits per pixel); colours become their
+/// mean. Throws std::runtime_error naming the file and what is wrong with it.
+[[nodiscard]] GreyImage read_grey_image(const std::filesystem::path& file);
+
+}  // namespace estuary::fluid

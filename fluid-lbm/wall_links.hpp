@@ -1,0 +1,99 @@
+// Links between fluid nodes and the walls of rigid bodies, with a choice of rules, in two and three
+// dimensions.
+//
+// The wall cuts the link from node x along c_i at the fraction q. With f* the populations after the
+// collision, `in` the opposite of i and W = 6 w_i rho c_in.u_wall, what comes back is
+//   halfway         f*_i(x) + W                                               (Ladd 1994; q is ignored)
+//   linear          q < 1/2:  2q f*_i(x) + (1 - 2q) f*_i(x - c_i) + W
+//                   q >= 1/2: f*_i(x)/(2q) + (1 - 1/(2q)) f*_in(x) + W/(2q)   (Bouzidi, Firdaouss, Lallemand,
+//                                                                             Phys. Fluids 13 (2001))
+//   quadratic       q < 1/2:  q(2q+1) f*_i(x) + (1-4q^2) f*_i(x-c_i) - q(1-2q) f*_i(x-2c_i) + W
+//                   q >= 1/2: [f*_i(x) + W]/(q(2q+1)) + (2q-1)/q f*_in(x) + (1-2q)/(1+2q) f*_in(x-c_i)
+//                                                                             (the same)
+//   central-linear  f*_i(x) + (1-2q)/(1+2q) [f*_i(x-c_i) - f*_in(x)] + 2 W/(1+2q)
+//                                                  (Ginzburg, Verhaeghe, d'Humieres 2008: CLI)
+//   yin-zhang       f*_i(x) + 6 w_i rho c_in.u_m, u_m the velocity half-way on the link, interpolated between
+//                   the wall and x (q >= 1/2) or x - c_i                      (Yin, Zhang, J. Comput. Phys.
+//                   231
+//                                                                             (2012))
+// A rule that lacks a fluid node behind x falls back, quadratic to linear, the others to halfway; counted.
+// Interpolation does not keep a node's mass; what its links gain beyond the wall's motion is taken from its
+// population at rest (in the manner of Kao, Yang 2008).
+#pragma once
+
+#include <array>
+#include <cstdint>
+#include <vector>
+
+#include "cells.hpp"
+#include "populations.hpp"
+
+namespace estuary::fluid {
+
+enum class WallRule { linear, halfway, quadratic, central_linear, yin_zhang };
+
+/// Force and torque on one body, lattice units; about its centre.
+struct BodyLoad {
+  std::array<double, 3> force{};
+  std::array<double, 3> torque{};
+};
+
+struct WallLinkCounts {
+  std::size_t links = 0;
+  std::size_t fallbacks = 0;  // by a rule with fewer nodes
+};
+
+class WallLinks {
+public:
+  WallLinks() = default;
+
+  void clear();
+  /// Adds the link of `node` along direction i; links of one node one after another. `arm` goes from the
+  /// body's centre to where the wall cuts the link.
+  void add(Node node, int i, double q, WallRule rule, const std::array<double, 3>& velocity,
+           std::uint32_t body, const std::array<double, 3>& arm, const Cells& cells,
+           const Populations& layout);
+  /// After the last `add`: sorts the links by body for the loads.
+  void finish(std::size_t bodies);
+  [[nodiscard]] bool empty() const { return rules_.empty(); }
+  [[nodiscard]] const WallLinkCounts& counts() const { return counts_; }
+
+  /// Writes the incoming populations: once per step, by every thread of a parallel region.
+  void reflect(Populations& populations, Parity parity, bool compressible) const;
+  /// Momentum exchange (Wen, Zhang, Tu, Wang, Fang, J. Comput. Phys. 266 (2014)), from the populations as
+  /// `reflect` left them.
+  [[nodiscard]] BodyLoad load(const Populations& populations, Parity parity, std::size_t body) const;
+
+private:
+  // Locations after an even [0] and an odd [1] step.
+  struct Rule {
+    std::array<std::ptrdiff_t, 2> leaving;
+    std::array<std::ptrdiff_t, 2> incoming;
+    std::array<std::ptrdiff_t, 2> second;
+    std::array<std::ptrdiff_t, 2> third;
+    double weight_leaving = 1;
+    double weight_second = 0;
+    double weight_third = 0;
+    double wall = 0;         // mass that the moving wall adds half-way on the link, at density 1
+    double wall_weight = 1;  // of that in the rule
+    // Yin-Zhang: u_m = wall part + share of the velocity at a node.
+    std::ptrdiff_t velocity_node = -1;
+    double velocity_share = 0;
+    int direction = 0;
+  };
+  struct Place {
+    std::uint32_t body = 0;
+    int direction = 0;
+    std::array<double, 3> velocity{};
+    std::array<double, 3> arm{};
+  };
+  std::vector<Rule> rules_;
+  std::vector<Place> places_;
+  std::vector<std::size_t> first_of_node_;
+  std::vector<std::ptrdiff_t> nodes_;
+  std::vector<std::size_t> first_of_body_;
+  std::vector<std::uint32_t> by_body_;
+  WallLinkCounts counts_;
+};
+
+}  // namespace estuary::fluid
