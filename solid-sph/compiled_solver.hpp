@@ -1,4 +1,4 @@
-// The time and equilibrium loops of one variant. Included only by the three files that instantiate it.
+// The time and equilibrium loops of one variant. Included only by the files that instantiate it.
 #pragma once
 
 #include <algorithm>
@@ -8,31 +8,85 @@
 
 namespace estuary::solid {
 
+template <class Law>
+Law make_law(const Material& material) {
+  if constexpr (Law::history_size > 0) {
+    Law law;
+    law.mu = material.constants.mu;
+    // Lambda of the solid itself, before plane stress changes it.
+    const double lambda = material.plane == Plane::strain ? material.constants.lambda
+                                                          : 2 * law.mu * material.constants.lambda /
+                                                                (2 * law.mu - material.constants.lambda);
+    law.bulk = lambda + 2 * law.mu / 3;
+    law.plane = material.plane;
+    law.plasticity = &material.plasticity;
+    return law;
+  } else {
+    return Law{material.constants};
+  }
+}
+
 template <class Law, bool Stabilised, bool Viscous>
 class CompiledSolver final : public Solver {
 public:
+  static constexpr bool kHistory = Law::history_size > 0;
+
   CompiledSolver(const Body& body, Neighbourhood pairs, const SolverOptions& options)
       : Solver(body, std::move(pairs)),
-        law_{options.constants},
-        viscosity_(options.viscosity),
-        predicted_velocity_(Viscous ? 2 * body.size() : 0) {}
+        materials_(options.materials),
+        predicted_velocity_(Viscous ? 2 * body.size() : 0) {
+    const std::size_t members = body.member.empty() ? 1 : std::size_t{body.member.back()} + 1;
+    while (materials_.size() < members) materials_.push_back(materials_.front());
+    for (const Material& material : materials_) {
+      laws_.push_back(make_law<Law>(material));
+      viscosities_.push_back(material.viscosity);
+    }
+    if constexpr (Viscous) fields_.viscous_power.assign(body.size(), 0.0);
+    if constexpr (kHistory) {
+      if constexpr (Stabilised) fields_.spring_share.assign(body.size(), 1.0);
+      for (std::size_t i = 0; i < body.size(); ++i)
+        history_.insert(history_.end(), Law::kRest.begin(), Law::kRest.end());
+    }
+  }
 
   std::int64_t evaluate(std::span<const double> displacement) override {
-    const std::int64_t bad = compute_stress<Law, Stabilised>(body_, pairs_, law_, displacement, fields_);
-    compute_force<Stabilised, false>(body_, pairs_, viscosity_, displacement, {}, fields_);
+    const std::int64_t bad = stresses<false>(displacement);
+    forces<false>(displacement, {});
     return bad;
   }
+  void commit(std::span<const double> displacement) override {
+    if constexpr (kHistory) stresses<true>(displacement);
+  }
   double energy(std::span<const double> displacement) const override {
-    return internal_energy<Law, Stabilised>(body_, pairs_, law_, displacement, fields_);
+    return internal_energy<Law, Stabilised>(body_, pairs_, laws_, displacement, fields_, history_.data());
+  }
+  double plastic_work() const override {
+    if constexpr (kHistory)
+      return ordered_sum(body_.size(), [&](std::size_t i) {
+        return body_.energy_volume[i] * history_[Law::history_size * i + Law::history_size - 1];
+      });
+    return 0;
   }
   std::array<double, 16> tangent_at(std::size_t i) const override {
-    return tangent(law_, tensor_at(fields_.deformation_gradient, i));
+    const Tensor<double> f = tensor_at(fields_.deformation_gradient, i);
+    if constexpr (kHistory)
+      return tangent(laws_[body_.member[i]], f, &history_[Law::history_size * i]);
+    else
+      return tangent(laws_[body_.member[i]], f);
   }
   Tensor<double> first_piola_kirchhoff_at(std::size_t i) const override {
-    return law_.first_piola_kirchhoff(tensor_at(fields_.deformation_gradient, i));
+    const Tensor<double> f = tensor_at(fields_.deformation_gradient, i);
+    if constexpr (kHistory)
+      return laws_[body_.member[i]].first_piola_kirchhoff(f, &history_[Law::history_size * i]);
+    else
+      return laws_[body_.member[i]].first_piola_kirchhoff(f);
   }
   double stress_across(std::size_t i) const override {
-    return law_.stress_across(tensor_at(fields_.deformation_gradient, i));
+    const Tensor<double> f = tensor_at(fields_.deformation_gradient, i);
+    if constexpr (kHistory)
+      return laws_[body_.member[i]].stress_across(f, &history_[Law::history_size * i]);
+    else
+      return laws_[body_.member[i]].stress_across(f);
   }
   bool symmetric_tangent() const override { return Law::hyperelastic; }
 
@@ -46,9 +100,16 @@ public:
                     .held = loading.held};
     const double gravity_work_before = gravity_work(state, loading);
     const double start = state.time;
+    ExternalForces external(body_, loading);
+    Guide guide(body_, loading);
 
-    sweep(state.displacement, state.velocity, 0);
-    add_surface_loads(loading, 0.0, start);
+    if constexpr (kHistory) history_ = state.history;
+    set_time_step(kNoTime);
+    sweep<false>(state.displacement, state.velocity, 0);
+    set_time_step(dt);
+    external.set(0.0, start, state.displacement);
+    external.add_to(fields_.force);
+    guide.remember(fields_.force);
     for (std::uint64_t step = 1; step <= steps; ++step) {
       const double fraction = static_cast<double>(step) / static_cast<double>(steps);
       const double time = start + fraction * duration;
@@ -56,10 +117,16 @@ public:
         update<false, true>(state, kick);
       else
         update<true, true>(state, kick);
-      sweep(state.displacement, predicted_velocity_, step);
-      state.external_work +=
-          surface_work(loading, state, dt, fraction, 1.0 / static_cast<double>(steps), time);
-      add_surface_loads(loading, fraction, time);
+      guide.move(state, time, dt);
+      if constexpr (Viscous) guide.copy_velocity(state.velocity, predicted_velocity_);
+      sweep<true>(state.displacement, predicted_velocity_, step);
+      external.set(fraction, time, state.displacement);
+      external.add_to(fields_.force);
+      state.external_work += external.work() + guide.work(fields_.force, loading.gravity);
+      if constexpr (Viscous)
+        state.viscous_work +=
+            dt * ordered_sum(body_.size(), [&](std::size_t i) { return fields_.viscous_power[i]; });
+      if (damping > 0) state.viscous_work += 2 * dt * damping * kinetic_energy(state);
       if (step % 128 == 0) {
         char note[64];
         std::snprintf(note, sizeof note, "step %llu of %llu", static_cast<unsigned long long>(step),
@@ -68,6 +135,8 @@ public:
       }
     }
     update<true, false>(state, kick);
+    set_time_step(kNoTime);
+    if constexpr (kHistory) state.history = history_;
     state.time = start + duration;
     state.external_work += gravity_work(state, loading) - gravity_work_before;
   }
@@ -76,18 +145,88 @@ public:
                           const EquilibriumSettings& settings, const Monitor& monitor) override;
 
 private:
+  // Too short for any flow where the yield stress depends on the rate: the stress of a state as it is.
+  static constexpr double kNoTime = 1e-290;
+
   struct Kick {
     double dt, decay, gain;
     std::array<double, 2> gravity;
     std::array<bool, 2> held;
   };
 
-  // Both sweeps for a state on the way.
-  void sweep(std::span<const double> displacement, std::span<const double> velocity, std::uint64_t step) {
-    if (compute_stress<Law, Stabilised>(body_, pairs_, law_, displacement, fields_) > 0)
-      report_breakdown(step);
-    compute_force<Stabilised, Viscous>(body_, pairs_, viscosity_, displacement, velocity, fields_);
+  void set_time_step([[maybe_unused]] double time_step) {
+    if constexpr (kHistory)
+      for (Law& law : laws_) law.time_step = time_step;
   }
+  template <bool Commit>
+  std::int64_t stresses(std::span<const double> displacement) {
+    return compute_stress<Law, Stabilised, Commit>(body_, pairs_, laws_, displacement, fields_,
+                                                   history_.data());
+  }
+  template <bool WithViscosity>
+  void forces(std::span<const double> displacement, std::span<const double> velocity) {
+    compute_force<Stabilised, WithViscosity, kHistory && Stabilised>(body_, pairs_, viscosities_,
+                                                                     displacement, velocity, fields_);
+  }
+  // Both sweeps for a state on the way.
+  template <bool Commit>
+  void sweep(std::span<const double> displacement, std::span<const double> velocity, std::uint64_t step) {
+    if (stresses<Commit>(displacement) > 0) report_breakdown(step);
+    forces<Viscous>(displacement, velocity);
+  }
+
+  // Moves what has a prescribed motion, and measures the work of what moves it.
+  class Guide {
+  public:
+    Guide(const Body& body, const Loading& loading) : body_(body), motions_(loading.prescribed) {
+      for (const PrescribedMotion& motion : motions_) count_ += motion.particle.size();
+      last_force_.resize(count_);
+      step_.resize(count_);
+    }
+    void remember(const std::vector<double>& force) {
+      visit([&](std::size_t k, std::size_t c) { last_force_[k] = force[c]; });
+    }
+    void move(State& state, double time, double dt) {
+      gained_ = 0;
+      std::size_t k = 0;
+      for (const PrescribedMotion& motion : motions_)
+        for (const std::uint32_t i : motion.particle) {
+          const std::size_t c = 2 * i + motion.component;
+          const double next = motion.displacement(body_.position[2 * i], body_.position[2 * i + 1], time);
+          step_[k] = next - state.displacement[c];
+          const double velocity = step_[k] / dt;
+          gained_ += 0.5 * body_.mass[i] * (velocity * velocity - state.velocity[c] * state.velocity[c]);
+          state.displacement[c] = next;
+          state.velocity[c] = velocity;
+          ++k;
+        }
+    }
+    void copy_velocity(const std::vector<double>& from, std::vector<double>& to) const {
+      visit([&](std::size_t, std::size_t c) { to[c] = from[c]; });
+    }
+    // Kinetic energy gained and work against all other forces.
+    double work(const std::vector<double>& force, const std::array<double, 2>& gravity) {
+      double work = gained_;
+      visit([&](std::size_t k, std::size_t c) {
+        work -= (0.5 * (force[c] + last_force_[k]) + body_.mass[c / 2] * gravity[c % 2]) * step_[k];
+        last_force_[k] = force[c];
+      });
+      return work;
+    }
+
+  private:
+    template <class Action>
+    void visit(Action&& action) const {
+      std::size_t k = 0;
+      for (const PrescribedMotion& motion : motions_)
+        for (const std::uint32_t i : motion.particle) action(k++, 2 * i + motion.component);
+    }
+    const Body& body_;
+    const std::vector<PrescribedMotion>& motions_;
+    std::size_t count_ = 0;
+    std::vector<double> last_force_, step_;
+    double gained_ = 0;
+  };
 
   // Ends one step (second half kick) and begins the next (first half kick and drift) in one pass over memory.
   template <bool Ends, bool Begins>
@@ -99,10 +238,10 @@ private:
     const std::size_t n = body_.size();
 #pragma omp parallel for schedule(static) if (n > kSerialBelow)
     for (std::size_t i = 0; i < n; ++i) {
-      if (body_.fixed[i]) continue;
+      if (body_.fixed[i] == 3) continue;
       const double inverse_mass = 1 / body_.mass[i];
       for (std::size_t c = 0; c < 2; ++c) {
-        if (kick.held[c]) continue;
+        if (kick.held[c] || body_.holds(i, c)) continue;
         const double a = force[2 * i + c] * inverse_mass + kick.gravity[c];
         double velocity = v[2 * i + c];
         if constexpr (Ends) velocity = kick.gain * (velocity + half * a);
@@ -118,34 +257,6 @@ private:
     }
   }
 
-  void add_surface_loads(const Loading& loading, double fraction, double time) {
-    for (const ParticleLoad& load : loading.loads) {
-      const double factor = load.factor ? load.factor(time) : 1.0;
-      for (std::size_t k = 0; k < load.particle.size(); ++k)
-        for (std::size_t c = 0; c < 2; ++c)
-          fields_.force[2 * load.particle[k] + c] +=
-              factor * (load.start[2 * k + c] + fraction * (load.end[2 * k + c] - load.start[2 * k + c]));
-    }
-  }
-
-  // Trapezoidal work of the surface loads over the step just drifted.
-  double surface_work(const Loading& loading, const State& state, double dt, double fraction, double share,
-                      double time) const {
-    double work = 0;
-    for (const ParticleLoad& load : loading.loads) {
-      const double now = load.factor ? load.factor(time) : 1.0;
-      const double before = load.factor ? load.factor(time - dt) : 1.0;
-      for (std::size_t k = 0; k < load.particle.size(); ++k)
-        for (std::size_t c = 0; c < 2; ++c) {
-          const double change = load.end[2 * k + c] - load.start[2 * k + c], first = load.start[2 * k + c];
-          const double mean =
-              0.5 * (now * (first + fraction * change) + before * (first + (fraction - share) * change));
-          work += mean * dt * state.velocity[2 * load.particle[k] + c];
-        }
-    }
-    return work;
-  }
-
   double gravity_work(const State& state, const Loading& loading) const {
     if (loading.gravity[0] == 0 && loading.gravity[1] == 0) return 0;
     return ordered_sum(body_.size(), [&](std::size_t i) {
@@ -154,17 +265,27 @@ private:
     });
   }
 
-  Law law_;
-  ArtificialViscosity viscosity_;
+  std::vector<Material> materials_;
+  std::vector<Law> laws_;
+  std::vector<ArtificialViscosity> viscosities_;
   std::vector<double> predicted_velocity_;
 };
 
 template <class Law>
 std::unique_ptr<Solver> make_solver(const Body& body, const SolverOptions& options) {
-  const bool stabilised = options.stabilisation_modulus > 0;
-  const bool viscous = options.viscosity.linear > 0 || options.viscosity.quadratic > 0;
-  Neighbourhood pairs = build_neighbourhood(
-      body, {.order = options.order, .spring_modulus = options.stabilisation_modulus, .viscous = viscous});
+  const bool stabilised = options.stabilisation > 0;
+  bool viscous = false;
+  NeighbourhoodOptions wanted{
+      .order = options.order, .spring_modulus = {}, .kernel = options.kernel, .viscous = false};
+  const std::size_t members = body.member.empty() ? 1 : std::size_t{body.member.back()} + 1;
+  for (std::size_t m = 0; m < members; ++m) {
+    const Material& material = options.materials[std::min(m, options.materials.size() - 1)];
+    viscous = viscous || material.viscosity.linear > 0 || material.viscosity.quadratic > 0;
+    if (stabilised)
+      wanted.spring_modulus.push_back(options.stabilisation * material.constants.stabilisation_modulus());
+  }
+  wanted.viscous = viscous;
+  Neighbourhood pairs = build_neighbourhood(body, wanted);
   if (stabilised && viscous)
     return std::make_unique<CompiledSolver<Law, true, true>>(body, std::move(pairs), options);
   if (stabilised) return std::make_unique<CompiledSolver<Law, true, false>>(body, std::move(pairs), options);

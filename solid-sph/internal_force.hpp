@@ -24,6 +24,7 @@
 #include "neighbourhood.hpp"
 #include "ordered_sum.hpp"
 #include "particles.hpp"
+#include "plasticity.hpp"
 
 namespace estuary::solid {
 
@@ -35,6 +36,10 @@ struct Fields {
   std::vector<double> deformation_gradient;  // F, xx xy yx yy per particle
   std::vector<double> stress;                // V (P + spring part) [J/m], 4 per particle
   std::vector<double> force;                 // internal force [N/m], 2 per particle
+  std::vector<double> viscous_power;         // taken by artificial viscosity [W/m]; empty without it
+  // Share of the stabilisation each particle keeps; empty for laws without history. A particle that has
+  // flowed resists less, and the springs would otherwise carry what the law no longer does.
+  std::vector<double> spring_share;
 
   explicit Fields(std::size_t particles)
       : deformation_gradient(4 * particles), stress(4 * particles), force(2 * particles) {}
@@ -53,11 +58,16 @@ inline Tensor<double> tensor_at(const std::vector<double>& field, std::size_t i)
   return {field[4 * i], field[4 * i + 1], field[4 * i + 2], field[4 * i + 3]};
 }
 
-/// First sweep: F and V P at every particle. Returns how many particles have J <= 0 or a state that is not
-/// finite.
-template <class Law, bool Stabilised>
-std::int64_t compute_stress(const Body& body, const Neighbourhood& pairs, const Law& law,
-                            std::span<const double> displacement, Fields& fields) {
+/// Share of its stabilisation a particle keeps once it has flowed by more than kFlowed.
+inline constexpr double kFlowedShare = 0.05;
+inline constexpr double kFlowed = 1e-3;
+
+/// First sweep: F and V P at every particle, each by the law of its body. Returns how many particles have J
+/// <= 0 or a state that is not finite. `history` (Law::history_size per particle, else null) is that at the
+/// increment's start; with Commit it becomes that at its end.
+template <class Law, bool Stabilised, bool Commit>
+std::int64_t compute_stress(const Body& body, const Neighbourhood& pairs, std::span<const Law> laws,
+                            std::span<const double> displacement, Fields& fields, double* history) {
   const double* u = displacement.data();
   const std::uint32_t* neighbour = pairs.neighbour.data();
   const double* gradient = pairs.gradient.data();
@@ -65,6 +75,8 @@ std::int64_t compute_stress(const Body& body, const Neighbourhood& pairs, const 
   const double* spring = pairs.spring.data();
   double* deformation = fields.deformation_gradient.data();
   double* stress = fields.stress.data();
+  const std::uint8_t* member = body.member.data();
+  [[maybe_unused]] double* spring_share = fields.spring_share.data();
   const std::size_t n = body.size();
   std::int64_t bad = 0;
 #pragma omp parallel for schedule(static) reduction(+ : bad) if (n > kSerialBelow)
@@ -90,17 +102,27 @@ std::int64_t compute_stress(const Body& body, const Neighbourhood& pairs, const 
       }
     }
     const Tensor<double> f{1 + hxx, hxy, hyx, 1 + hyy};
-    const Tensor<double> p = law.first_piola_kirchhoff(f);
+    const Law& law = laws[member[i]];
+    Tensor<double> p;
+    double share = 1;
+    if constexpr (Law::history_size > 0) {
+      double* own = history + Law::history_size * i;
+      p = law.update(f, own, Commit ? own : nullptr).stress;
+      if constexpr (Stabilised) share = own[4] > kFlowed ? kFlowedShare : 1.0;
+      if constexpr (Stabilised) spring_share[i] = share;
+    } else {
+      p = law.first_piola_kirchhoff(f);
+    }
     const double v = body.energy_volume[i];
     Tensor<double> vp{v * p.xx, v * p.xy, v * p.yx, v * p.yy};
     if constexpr (Stabilised) {
       // The deviations depend on F, and so on g: minus sum_j k_ij (deviation) (x) X_ij acts as a stress.
       const double kxx = pairs.spring_moment[3 * i], kxy = pairs.spring_moment[3 * i + 1],
                    kyy = pairs.spring_moment[3 * i + 2];
-      vp.xx -= mxx - (hxx * kxx + hxy * kxy);
-      vp.xy -= mxy - (hxx * kxy + hxy * kyy);
-      vp.yx -= myx - (hyx * kxx + hyy * kxy);
-      vp.yy -= myy - (hyx * kxy + hyy * kyy);
+      vp.xx -= share * (mxx - (hxx * kxx + hxy * kxy));
+      vp.xy -= share * (mxy - (hxx * kxy + hxy * kyy));
+      vp.yx -= share * (myx - (hyx * kxx + hyy * kxy));
+      vp.yy -= share * (myy - (hyx * kxy + hyy * kyy));
     }
     deformation[4 * i] = f.xx;
     deformation[4 * i + 1] = f.xy;
@@ -117,10 +139,11 @@ std::int64_t compute_stress(const Body& body, const Neighbourhood& pairs, const 
 }
 
 /// Second sweep: the internal force on every particle, from `fields.stress`. `velocity` is read only when
-/// Viscous.
-template <bool Stabilised, bool Viscous>
-void compute_force(const Body& body, const Neighbourhood& pairs, const ArtificialViscosity& viscosity,
-                   std::span<const double> displacement, std::span<const double> velocity, Fields& fields) {
+/// Viscous, `fields.spring_share` only when Shared.
+template <bool Stabilised, bool Viscous, bool Shared>
+void compute_force(const Body& body, const Neighbourhood& pairs,
+                   std::span<const ArtificialViscosity> viscosities, std::span<const double> displacement,
+                   std::span<const double> velocity, Fields& fields) {
   const double* u = displacement.data();
   const double* vel = velocity.data();
   const std::uint32_t* neighbour = pairs.neighbour.data();
@@ -137,6 +160,8 @@ void compute_force(const Body& body, const Neighbourhood& pairs, const Artificia
     double fx = stress[4 * i] * gx + stress[4 * i + 1] * gy;
     double fy = stress[4 * i + 2] * gx + stress[4 * i + 3] * gy;
     const double* fi = deformation + 4 * i;
+    [[maybe_unused]] const ArtificialViscosity& viscosity = viscosities[body.member[i]];
+    [[maybe_unused]] double taken = 0;
     const std::size_t end = pairs.first[i + 1];
     for (std::size_t k = pairs.first[i]; k < end; ++k) {
       const std::size_t j = neighbour[k];
@@ -149,8 +174,16 @@ void compute_force(const Body& body, const Neighbourhood& pairs, const Artificia
         const double ox = offset[2 * k], oy = offset[2 * k + 1];
         const double dx = u[2 * j] - u[2 * i], dy = u[2 * j + 1] - u[2 * i + 1];
         if constexpr (Stabilised) {
-          fx += spring[k] * (2 * (dx + ox) - (fi[0] + fj[0]) * ox - (fi[1] + fj[1]) * oy);
-          fy += spring[k] * (2 * (dy + oy) - (fi[2] + fj[2]) * ox - (fi[3] + fj[3]) * oy);
+          if constexpr (Shared) {
+            const double a = fields.spring_share[i], b = fields.spring_share[j];
+            fx += spring[k] *
+                  ((a + b) * (dx + ox) - (a * fi[0] + b * fj[0]) * ox - (a * fi[1] + b * fj[1]) * oy);
+            fy += spring[k] *
+                  ((a + b) * (dy + oy) - (a * fi[2] + b * fj[2]) * ox - (a * fi[3] + b * fj[3]) * oy);
+          } else {
+            fx += spring[k] * (2 * (dx + ox) - (fi[0] + fj[0]) * ox - (fi[1] + fj[1]) * oy);
+            fy += spring[k] * (2 * (dy + oy) - (fi[2] + fj[2]) * ox - (fi[3] + fj[3]) * oy);
+          }
         }
         if constexpr (Viscous) {
           // P_v = J Pi F^-T on both sides, its resultant taken along the line of centres: no moment.
@@ -168,29 +201,39 @@ void compute_force(const Body& body, const Neighbourhood& pairs, const Artificia
             const double push = pairs.viscous_weight[k] * pi * (qx * x + qy * y) / r2;
             fx -= push * x;
             fy -= push * y;
+            taken -= 0.5 * push * approach;  // the other particle of the pair counts the other half
           }
         }
       }
     }
     force[2 * i] = fx;
     force[2 * i + 1] = fy;
+    if constexpr (Viscous) fields.viscous_power[i] = taken;
   }
 }
 
-/// Elastic energy [J/m], of the state the last `compute_stress` saw.
+/// Elastic energy [J/m], of the state the last `compute_stress` saw; with what the increment since `history`
+/// dissipates.
 template <class Law, bool Stabilised>
-double internal_energy(const Body& body, const Neighbourhood& pairs, const Law& law,
-                       std::span<const double> displacement, const Fields& fields) {
+double internal_energy(const Body& body, const Neighbourhood& pairs, std::span<const Law> laws,
+                       std::span<const double> displacement, const Fields& fields, const double* history) {
   return ordered_sum(body.size(), [&](std::size_t i) {
     const Tensor<double> f = tensor_at(fields.deformation_gradient, i);
-    double energy = body.energy_volume[i] * law.energy_density(f);
+    const Law& law = laws[body.member[i]];
+    double energy = body.energy_volume[i], share = 1;
+    if constexpr (Law::history_size > 0) {
+      energy *= law.energy_density(f, history + Law::history_size * i);
+      if constexpr (Stabilised) share = fields.spring_share[i];
+    } else {
+      energy *= law.energy_density(f);
+    }
     if constexpr (Stabilised) {
       for (std::size_t k = pairs.first[i]; k < pairs.first[i + 1]; ++k) {
         const std::size_t j = pairs.neighbour[k];
         const double ox = pairs.offset[2 * k], oy = pairs.offset[2 * k + 1];
         const double x = ox + displacement[2 * j] - displacement[2 * i] - f.xx * ox - f.xy * oy;
         const double y = oy + displacement[2 * j + 1] - displacement[2 * i + 1] - f.yx * ox - f.yy * oy;
-        energy += 0.5 * pairs.spring[k] * (x * x + y * y);
+        energy += 0.5 * share * pairs.spring[k] * (x * x + y * y);
       }
     }
     return energy;

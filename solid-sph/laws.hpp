@@ -6,6 +6,7 @@
 // + 2 mu). Sources: Bonet & Wood, Nonlinear Continuum Mechanics for Finite Element Analysis, ch. 6.
 #pragma once
 
+#include <algorithm>
 #include <cmath>
 
 #include "tensor.hpp"
@@ -13,6 +14,9 @@
 namespace estuary::solid {
 
 enum class Plane { strain, stress };
+
+/// Law of a scene by name; laws.hpp and plasticity.hpp hold them.
+enum class LawName { saint_venant_kirchhoff, hooke_almansi, neo_hooke, neo_hooke_isochoric, j2_plasticity };
 
 /// Lame's constants [Pa] as they act in the plane.
 struct ElasticConstants {
@@ -29,12 +33,16 @@ struct ElasticConstants {
   }
   /// Modulus of a plane compression wave, rho c^2 [Pa].
   [[nodiscard]] double wave_modulus() const { return lambda + 2 * mu; }
+  /// What stabilisation is measured by: the wave modulus, but no more than 4 mu, so that a nearly
+  /// incompressible body does not lock (they are equal at a Poisson ratio of 1/3 in plane strain).
+  [[nodiscard]] double stabilisation_modulus() const { return std::min(wave_modulus(), 4 * mu); }
 };
 
 /// S = lambda tr(E) I + 2 mu E between second Piola-Kirchhoff stress and Green-Lagrange strain.
 struct SaintVenantKirchhoff {
   static constexpr const char* name = "svk";
   static constexpr bool hyperelastic = true;
+  static constexpr std::size_t history_size = 0;
   ElasticConstants constants;
 
   template <class T>
@@ -69,6 +77,7 @@ struct SaintVenantKirchhoff {
 struct HookeAlmansi {
   static constexpr const char* name = "hooke-almansi";
   static constexpr bool hyperelastic = false;
+  static constexpr std::size_t history_size = 0;
   ElasticConstants constants;
 
   template <class T>
@@ -103,6 +112,7 @@ struct HookeAlmansi {
 struct NeoHooke {
   static constexpr const char* name = "neo-hooke";
   static constexpr bool hyperelastic = true;
+  static constexpr std::size_t history_size = 0;
   ElasticConstants constants;
 
   template <class T>
@@ -122,6 +132,39 @@ struct NeoHooke {
   [[nodiscard]] double stress_across(const Tensor<double>& f) const {
     const double j = determinant(f);
     return constants.lambda_across * std::log(j) / j;
+  }
+};
+
+/// Neo-Hooke split into change of shape and of volume, for nearly incompressible bodies, plane strain only:
+///     W = mu / 2 (J^(-2/3) (tr F^T F + 1) - 3) + kappa / 2 ((J^2 - 1) / 2 - ln J)
+/// (Simo & Hughes, Computational Inelasticity, ch. 9).
+struct NeoHookeIsochoric {
+  static constexpr const char* name = "neo-hooke-isochoric";
+  static constexpr bool hyperelastic = true;
+  static constexpr std::size_t history_size = 0;
+  ElasticConstants constants;
+
+  [[nodiscard]] double bulk() const { return constants.lambda + 2 * constants.mu / 3; }
+  template <class T>
+  Tensor<T> first_piola_kirchhoff(const Tensor<T>& f) const {
+    using std::exp;
+    using std::log;
+    const T j = determinant(f);
+    const T shape = exp(log(j) * (-2.0 / 3.0)) * constants.mu;
+    const T trace = contraction(f, f) + 1.0;
+    const T factor = ((j * j - 1.0) * (0.5 * bulk()) - shape * trace * (1.0 / 3.0)) / j;
+    const Tensor<T> c = cofactor(f);
+    return {f.xx * shape + c.xx * factor, f.xy * shape + c.xy * factor, f.yx * shape + c.yx * factor,
+            f.yy * shape + c.yy * factor};
+  }
+  [[nodiscard]] double energy_density(const Tensor<double>& f) const {
+    const double j = determinant(f);
+    return 0.5 * constants.mu * (std::pow(j, -2.0 / 3.0) * (contraction(f, f) + 1) - 3) +
+           0.5 * bulk() * (0.5 * (j * j - 1) - std::log(j));
+  }
+  [[nodiscard]] double stress_across(const Tensor<double>& f) const {
+    const double j = determinant(f), shape = constants.mu * std::pow(j, -5.0 / 3.0);
+    return shape * (1 - (contraction(f, f) + 1) / 3) + 0.5 * bulk() * (j - 1 / j);
   }
 };
 

@@ -5,6 +5,7 @@
 #include <stdexcept>
 #include <string>
 
+#include "consistent_gradient.hpp"
 #include "kernel_function.hpp"
 
 namespace estuary::solid {
@@ -55,40 +56,37 @@ std::vector<ReferenceSearch::Found> ReferenceSearch::within(double x, double y, 
 
 namespace {
 
-struct Row {
-  std::vector<ReferenceSearch::Found> found;
-  std::vector<std::array<double, 2>> gradient;
-  bool complete = true;
-};
-
 // At an edge the smallest neighbourhood cannot tell a slope from a curvature across the edge; each factor
 // adds about one ring of particles until it can.
 constexpr std::array kWidening{1.0, 1.4, 1.85};
 
-Row gradient_row(const Body& body, const ReferenceSearch& search, std::size_t i, Order order) {
-  Row row;
+GradientRow gradient_row(const Body& body, const ReferenceSearch& search, std::size_t i, Order order,
+                         Kernel kernel) {
+  GradientRow row;
   const double scale = body.mean_spacing();
   for (const double widening : kWidening) {
     const double h = body.smoothing_length * widening;
-    Row candidate;
+    GradientRow candidate;
     std::vector<Offset> offsets;
-    std::vector<double> weights;
-    for (const auto& found : search.within(body.position[2 * i], body.position[2 * i + 1], 2 * h)) {
+    for (const auto& found :
+         search.within(body.position[2 * i], body.position[2 * i + 1], support_ratio(kernel) * h)) {
       const double r = std::hypot(found.x, found.y);
+      if (body.member[found.particle] != body.member[i]) continue;  // bodies meet by contact only
       if (r < 1e-6 * scale) continue;  // the particle itself; its own images in a narrow periodic body count
-      // Without V_j, which is the same for all but the half cells on a clamp: there it would tilt the stencil
+      // Without V_j, which is the same for all but the half cells on a side: there it would tilt the stencil
       // of the next row and cost an order.
-      const double weight = -cubic_spline_slope(r, h) / r;
+      const double weight = -kernel_slope(kernel, r, h) / r;
       if (!(weight > 0)) continue;
-      candidate.found.push_back(found);
+      candidate.neighbour.push_back(found.particle);
+      candidate.offset.push_back({found.x, found.y});
+      candidate.weight.push_back(weight);
       offsets.push_back({found.x / scale, found.y / scale});
-      weights.push_back(weight);
     }
     GradientWeights solved;
     try {
-      solved = gradient_weights(offsets, weights, order);
+      solved = gradient_weights(offsets, candidate.weight, order);
     } catch (const std::domain_error& error) {
-      if (widening != kWidening.back() && order == Order::quadratic) continue;
+      if (widening != kWidening.back()) continue;
       throw std::domain_error("particle " + std::to_string(i) + " at (" +
                               std::to_string(body.position[2 * i]) + ", " +
                               std::to_string(body.position[2 * i + 1]) + "): " + error.what());
@@ -107,13 +105,17 @@ Row gradient_row(const Body& body, const ReferenceSearch& search, std::size_t i,
 
 Neighbourhood build_neighbourhood(const Body& body, const NeighbourhoodOptions& options) {
   const std::size_t n = body.size();
-  const double widest = 2 * body.smoothing_length * kWidening.back();
+  const double widest = support_ratio(options.kernel) * body.smoothing_length * kWidening.back();
   const ReferenceSearch search(body, widest);
-  std::vector<Row> rows(n);
+  std::vector<GradientRow> rows(n);
   // A row on a side has half the weight of the others; with the one-sided linear difference that makes the
   // sums over rows obey summation by parts, and a wider one would not (Strand 1994).
   for (std::size_t i = 0; i < n; ++i)
-    rows[i] = gradient_row(body, search, i, body.edge[i] || body.fixed[i] ? Order::linear : options.order);
+    rows[i] =
+        gradient_row(body, search, i, body.edge[i] != 0 || body.fixed[i] == 3 ? Order::linear : options.order,
+                     options.kernel);
+
+  if (!body.outlines.empty()) make_consistent(body, rows);
 
   struct Entry {
     std::uint32_t neighbour;
@@ -128,21 +130,23 @@ Neighbourhood build_neighbourhood(const Body& body, const NeighbourhoodOptions& 
   Neighbourhood result;
   for (std::size_t i = 0; i < n; ++i) {
     if (!rows[i].complete) ++result.incomplete;
-    for (std::size_t k = 0; k < rows[i].found.size(); ++k) {
-      const auto& found = rows[i].found[k];
+    for (std::size_t k = 0; k < rows[i].neighbour.size(); ++k) {
+      const std::uint32_t j = rows[i].neighbour[k];
+      const auto& offset = rows[i].offset[k];
       const auto& gradient = rows[i].gradient[k];
-      Entry& forward = entry(i, found.particle, found.x, found.y);
+      Entry& forward = entry(i, j, offset[0], offset[1]);
       forward.gx = gradient[0];
       forward.gy = gradient[1];
       // A particle may meet its own image: the second entry then moves the first in memory.
-      Entry& backward = entry(found.particle, static_cast<std::uint32_t>(i), -found.x, -found.y);
+      Entry& backward = entry(j, static_cast<std::uint32_t>(i), -offset[0], -offset[1]);
       backward.rx = gradient[0];
       backward.ry = gradient[1];
     }
   }
   result.first.push_back(0);
   result.gradient_sum.assign(2 * n, 0.0);
-  if (options.spring_modulus > 0) result.spring_moment.assign(3 * n, 0.0);
+  const bool springs = !options.spring_modulus.empty();
+  if (springs) result.spring_moment.assign(3 * n, 0.0);
   for (std::size_t i = 0; i < n; ++i) {
     std::sort(pairs[i].begin(), pairs[i].end(), [](const Entry& a, const Entry& b) {
       return a.neighbour != b.neighbour ? a.neighbour < b.neighbour : a.x < b.x;
@@ -155,12 +159,12 @@ Neighbourhood build_neighbourhood(const Body& body, const NeighbourhoodOptions& 
       result.gradient_sum[2 * i] += e.gx;
       result.gradient_sum[2 * i + 1] += e.gy;
       const double r = std::hypot(e.x, e.y);
-      const double slope_over_r = -cubic_spline_slope(r, body.smoothing_length) / r;
-      if (options.spring_modulus > 0) {
+      const double slope_over_r = -kernel_slope(options.kernel, r, body.smoothing_length) / r;
+      if (springs) {
         // sum_j V_j |W'| R is 2 in the plane, so that a deviation of strain e costs spring_modulus e^2 / 2
         // per volume.
-        const double k =
-            0.5 * options.spring_modulus * body.volume[i] * body.volume[e.neighbour] * slope_over_r;
+        const double k = 0.5 * options.spring_modulus[body.member[i]] * body.volume[i] *
+                         body.volume[e.neighbour] * slope_over_r;
         result.spring.push_back(k);
         result.spring_moment[3 * i] += k * e.x * e.x;
         result.spring_moment[3 * i + 1] += k * e.x * e.y;

@@ -13,6 +13,7 @@
 #include <utility>
 #include <vector>
 
+#include "kernel_function.hpp"
 #include "particles.hpp"
 #include "reproducing_weights.hpp"
 
@@ -40,8 +41,9 @@ struct Neighbourhood {
 
 struct NeighbourhoodOptions {
   Order order = Order::linear;
-  /// Stabilisation: share of the wave modulus [Pa] given to it, times that modulus; 0 leaves it out.
-  double spring_modulus = 0;
+  /// Stabilisation modulus of each body [Pa]; empty leaves it out.
+  std::vector<double> spring_modulus;
+  Kernel kernel = Kernel::cubic_spline;
   bool viscous = false;
 };
 

@@ -21,7 +21,7 @@ NewtonSolver::NewtonSolver(Solver& solver) : solver_(solver) {
   unknown_.assign(n, -1);
   std::int64_t free = 0;
   for (std::size_t i = 0; i < n; ++i)
-    if (!body.fixed[i]) unknown_[i] = free++;
+    if (body.fixed[i] != 3) unknown_[i] = free++;
 
   // Coupled unknowns: every two particles of one stencil.
   std::vector<std::vector<std::int32_t>> coupled(static_cast<std::size_t>(free));
@@ -78,7 +78,27 @@ NewtonSolver::NewtonSolver(Solver& solver) : solver_(solver) {
   right_hand_side_.resize(2 * free);
   change_.assign(2 * n, 0.0);
   predicted_stress_.assign(4 * n, 0.0);
+  for (std::size_t i = 0; i < n; ++i)
+    for (std::size_t c = 0; c < 2; ++c)
+      if (unknown_[i] >= 0 && body.holds(i, c))
+        held_row_.push_back(2 * unknown_[i] + static_cast<std::int64_t>(c));
+  std::vector<std::uint8_t> held(static_cast<std::size_t>(2 * free), 0);
+  for (const std::int64_t row : held_row_) held[static_cast<std::size_t>(row)] = 1;
+  if (!held_row_.empty())
+    for (std::int64_t column = 0; column < 2 * free; ++column)
+      for (std::int64_t k = matrix_.outerIndexPtr()[column]; k < matrix_.outerIndexPtr()[column + 1]; ++k) {
+        const std::int64_t row = matrix_.innerIndexPtr()[k];
+        if (!held[static_cast<std::size_t>(row)] && !held[static_cast<std::size_t>(column)]) continue;
+        (row == column ? diagonal_ : zeroed_).push_back(k);
+      }
   if (!pairs.spring.empty()) add_springs();
+}
+
+// A held component keeps its place in the system with an equation of its own, of the size of the others.
+void NewtonSolver::hold_components() {
+  double* values = matrix_.valuePtr();
+  for (const std::int64_t k : zeroed_) values[k] = 0;
+  for (const std::int64_t k : diagonal_) values[k] = std::abs(values[k]) > 0 ? std::abs(values[k]) : 1.0;
 }
 
 std::int64_t NewtonSolver::block(std::size_t i, std::size_t a, std::size_t b) const {
@@ -169,6 +189,39 @@ void NewtonSolver::assemble() {
       }
     }
   }
+  hold_components();
+}
+
+// One linear step in which the prescribed components move as they should and the others follow.
+bool NewtonSolver::follow_prescribed(std::vector<double>& displacement, const std::vector<double>& target,
+                                     const std::vector<double>& prescribed_step) {
+  const std::size_t n = solver_.body().size();
+  double largest = 0;
+  for (const double d : prescribed_step) largest = std::max(largest, std::abs(d));
+  if (!(largest > 0)) return true;
+  if (solver_.evaluate(displacement) > 0) return false;
+  // The columns of the prescribed components act through the derivative of the force along their motion.
+  const double share = 1e-7 * solver_.body().mean_spacing() / largest;
+  const std::vector<double> force = solver_.fields().force;
+  std::vector<double> trial = displacement;
+  for (std::size_t c = 0; c < 2 * n; ++c) trial[c] += share * prescribed_step[c];
+  if (solver_.evaluate(trial) > 0) return false;
+  std::vector<double> pushed(2 * n);
+  for (std::size_t c = 0; c < 2 * n; ++c)
+    pushed[c] = target[c] + (solver_.fields().force[c] - force[c]) / share;
+  if (solver_.evaluate(displacement) > 0) return false;
+  use_current_stress();
+  set_residual(pushed);
+  assemble();
+  if (!factorise()) return false;
+  for (std::size_t i = 0; i < n; ++i)
+    for (std::size_t c = 0; c < 2; ++c)
+      displacement[2 * i + c] +=
+          prescribed_step[2 * i + c] +
+          (unknown_[i] < 0
+               ? 0.0
+               : solution_[static_cast<Eigen::Index>(2 * unknown_[i]) + static_cast<Eigen::Index>(c)]);
+  return true;
 }
 
 bool NewtonSolver::factorise() {
@@ -196,12 +249,14 @@ NewtonSolver::Outcome NewtonSolver::minimise(std::vector<double>& displacement,
                                              double tolerance, const EquilibriumSettings& settings,
                                              EquilibriumReport& report, const Monitor& monitor) {
   constexpr int kIterations = 60;
-  const std::size_t n = solver_.body().size();
+  const Body& body = solver_.body();
+  const std::size_t n = body.size();
   Outcome outcome;
   if (solver_.evaluate(displacement) > 0) return outcome;
   const auto potential = [&](const std::vector<double>& u) {
-    return solver_.energy(u) -
-           ordered_sum(2 * n, [&](std::size_t c) { return unknown_[c / 2] < 0 ? 0.0 : target[c] * u[c]; });
+    return solver_.energy(u) - ordered_sum(2 * n, [&](std::size_t c) {
+             return body.holds(c / 2, c % 2) ? 0.0 : target[c] * u[c];
+           });
   };
   double shift = 0, energy = potential(displacement);
   std::vector<double> trial(2 * n);
@@ -272,6 +327,7 @@ double NewtonSolver::set_residual(const std::vector<double>& target) {
       right_hand_side_[static_cast<Eigen::Index>(2 * unknown_[i]) + static_cast<Eigen::Index>(c)] =
           target[2 * i + c] + solver_.fields().force[2 * i + c];
   }
+  for (const std::int64_t row : held_row_) right_hand_side_[row] = 0;
   return right_hand_side_.norm();
 }
 
@@ -364,7 +420,17 @@ EquilibriumReport NewtonSolver::solve(std::vector<double>& displacement, const L
   const std::size_t n = solver_.body().size();
   EquilibriumReport report;
   std::vector<double> external, target(2 * n), start = displacement, start_force(2 * n);
-  solver_.external_force(loading, time, external);
+  solver_.external_force(loading, time, displacement, external);
+  std::vector<double> prescribed(2 * n, 0.0), step_of_prescribed(2 * n, 0.0);
+  bool moves = false;
+  for (const PrescribedMotion& motion : loading.prescribed)
+    for (const std::uint32_t i : motion.particle) {
+      const std::size_t c = 2 * i + motion.component;
+      prescribed[c] =
+          motion.displacement(solver_.body().position[2 * i], solver_.body().position[2 * i + 1], time) -
+          displacement[c];
+      moves = moves || prescribed[c] != 0;
+    }
   if (solver_.evaluate(displacement) > 0) solver_.report_breakdown(0);
   // The start is in equilibrium under minus its own internal force: the load is moved from there to the one
   // wanted.
@@ -372,10 +438,23 @@ EquilibriumReport NewtonSolver::solve(std::vector<double>& displacement, const L
   for (std::size_t i = 0; i < n; ++i)
     for (std::size_t c = 0; c < 2; ++c) {
       start_force[2 * i + c] = -solver_.fields().force[2 * i + c];
-      if (unknown_[i] < 0) continue;
+      if (solver_.body().holds(i, c)) continue;
       load += external[2 * i + c] * external[2 * i + c];
       gap += start_force[2 * i + c] * start_force[2 * i + c];
     }
+  if (moves) {
+    // Where motion is prescribed its own force is the measure: that of the first linear step.
+    std::vector<double> trial = displacement;
+    for (std::size_t c = 0; c < 2 * n; ++c) trial[c] += 1e-6 * prescribed[c];
+    if (solver_.evaluate(trial) == 0) {
+      double pushed = 0;
+      for (std::size_t c = 0; c < 2 * n; ++c)
+        if (!solver_.body().holds(c / 2, c % 2))
+          pushed += std::pow((solver_.fields().force[c] + start_force[c]) / 1e-6, 2);
+      load = std::max(load, pushed);
+    }
+    solver_.evaluate(displacement);
+  }
   const double scale = std::sqrt(load > 0 ? load : gap);
   if (!(scale > 0)) {
     report.converged = true;
@@ -388,8 +467,15 @@ EquilibriumReport NewtonSolver::solve(std::vector<double>& displacement, const L
       target[c] = start_force[c] + next * (external[c] - start_force[c]);
     std::vector<double> trial = displacement;
     const double tolerance = next < 1 ? std::max(1e-4, settings.tolerance) : settings.tolerance;
-    Outcome outcome = iterate(trial, target, scale, tolerance, settings, report, monitor);
-    if (!outcome.converged && solver_.symmetric_tangent() && outcome.residual < 10)
+    bool followed = true;
+    if (moves) {
+      for (std::size_t c = 0; c < 2 * n; ++c) step_of_prescribed[c] = (next - reached) * prescribed[c];
+      followed = follow_prescribed(trial, target, step_of_prescribed);
+      ++report.steps;
+    }
+    Outcome outcome;
+    if (followed) outcome = iterate(trial, target, scale, tolerance, settings, report, monitor);
+    if (followed && !outcome.converged && solver_.symmetric_tangent() && outcome.residual < 10)
       outcome = minimise(trial, target, scale, tolerance, settings, report, monitor);
     report.residual = outcome.residual;
     report.remaining_change = outcome.change;

@@ -22,8 +22,9 @@ public:
   /// Builds the sparse pattern: a particle couples with the neighbours of its neighbours.
   explicit NewtonSolver(Solver& solver);
 
-  /// From the displacement given to equilibrium under the loading's end values at `time`. `steps` in the
-  /// report counts linear solves; `maximum_steps` limits them.
+  /// From the displacement given to equilibrium under the loading's end values and prescribed motion at
+  /// `time`; pressures follow the surface of the displacement given and stay (call again until nothing
+  /// changes). `steps` in the report counts linear solves; `maximum_steps` limits them.
   EquilibriumReport solve(std::vector<double>& displacement, const Loading& loading, double time,
                           const EquilibriumSettings& settings, const Monitor& monitor);
 
@@ -39,6 +40,9 @@ private:
   Outcome minimise(std::vector<double>& displacement, const std::vector<double>& target, double scale,
                    double tolerance, const EquilibriumSettings& settings, EquilibriumReport& report,
                    const Monitor& monitor);
+  void hold_components();
+  bool follow_prescribed(std::vector<double>& displacement, const std::vector<double>& target,
+                         const std::vector<double>& prescribed_step);
   void use_current_stress();
   double set_residual(const std::vector<double>& target);
   void assemble();
@@ -51,6 +55,9 @@ private:
   std::vector<std::int64_t> unknown_;     // of each particle, -1 when fixed
   std::vector<std::size_t> first_block_;  // into block_ for each particle
   std::vector<std::int32_t> block_;       // value position of each pair (a, b) of a stencil, -1 when not free
+  std::vector<std::int64_t> zeroed_;      // value positions in rows and columns of held single components
+  std::vector<std::int64_t> diagonal_;    // their diagonal entries
+  std::vector<std::int64_t> held_row_;    // and rows
   std::vector<double> predicted_stress_;  // S, xx xy yx yy per particle
   std::vector<double> spring_values_;     // the constant part of the matrix
   std::vector<double> change_;            // of the last linear solve, all particles

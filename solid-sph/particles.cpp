@@ -104,7 +104,8 @@ Body fill(const Box& box, double density, double smoothing_ratio, bool end_corre
     body.volume.push_back(x.width[i] * y.width[j]);
     body.energy_volume.push_back(x.energy_width[i] * y.energy_width[j]);
     body.mass.push_back(density * body.volume.back());
-    body.fixed.push_back(x.fixed[i] | y.fixed[j]);
+    body.fixed.push_back((x.fixed[i] | y.fixed[j]) != 0 ? 3 : 0);
+    body.member.push_back(0);
     body.edge.push_back(x.edge[i] | y.edge[j]);
   };
   // Neighbours then lie close together in memory.
@@ -115,7 +116,38 @@ Body fill(const Box& box, double density, double smoothing_ratio, bool end_corre
     for (std::size_t j = 0; j < y.position.size(); ++j)
       for (std::size_t i = 0; i < x.position.size(); ++i) add(i, j);
   }
+  if (box.placement == Placement::on_contour && box.clamp == Clamp::line && !box.periodic) {
+    const std::size_t columns = body.columns[0], rows = body.columns[1];
+    const auto number = [&](std::size_t i, std::size_t j) {
+      return static_cast<std::uint32_t>(box.length(0) >= box.length(1) ? i * rows + j : j * columns + i);
+    };
+    Outline outline;
+    for (std::size_t j = 0; j + 1 < rows; ++j) outline.particle.push_back(number(0, j));
+    for (std::size_t i = 0; i + 1 < columns; ++i) outline.particle.push_back(number(i, rows - 1));
+    for (std::size_t j = rows - 1; j > 0; --j) outline.particle.push_back(number(columns - 1, j));
+    for (std::size_t i = columns - 1; i > 0; --i) outline.particle.push_back(number(i, 0));
+    body.outlines.push_back(std::move(outline));
+    body.outline_member.push_back(0);
+  }
   return body;
+}
+
+void append(Body& body, const Body& next) {
+  const auto shift = static_cast<std::uint32_t>(body.size());
+  const auto member = static_cast<std::uint8_t>(body.member.empty() ? 0 : body.member.back() + 1);
+  const auto join = [](auto& into, const auto& from) { into.insert(into.end(), from.begin(), from.end()); };
+  join(body.position, next.position);
+  join(body.volume, next.volume);
+  join(body.energy_volume, next.energy_volume);
+  join(body.mass, next.mass);
+  join(body.fixed, next.fixed);
+  join(body.edge, next.edge);
+  body.member.resize(body.size(), member);
+  for (Outline outline : next.outlines) {
+    for (std::uint32_t& particle : outline.particle) particle += shift;
+    body.outlines.push_back(std::move(outline));
+    body.outline_member.push_back(member);
+  }
 }
 
 State at_rest(const Body& body) {

@@ -38,10 +38,18 @@ struct Box {
   [[nodiscard]] double length(std::size_t axis) const { return to[axis] - from[axis]; }
 };
 
+/// Particles along a contour, walked clockwise round the body (holes the other way): the outside is on the
+/// left of each segment.
+struct Outline {
+  std::vector<std::uint32_t> particle;
+  bool closed = true;
+};
+
 /// The reference configuration; nothing here changes in a run. Vectors of particles are x0 y0 x1 y1 ...
+/// Several bodies lie one after another.
 struct Body {
-  Box box;
-  std::array<std::size_t, 2> columns{};  // particles in x and y
+  Box box;                               // of a single box; its clamp and placement hold for all
+  std::array<std::size_t, 2> columns{};  // particles in x and y of a single box
   std::array<double, 2> spacing{};       // [m]
   double smoothing_length = 0;           // [m]
   std::vector<double> position;          // reference positions [m], 2 per particle
@@ -50,12 +58,18 @@ struct Body {
   // weights of a midpoint rule corrected at its ends, so that the energy of bending is integrated exactly
   // across a beam.
   std::vector<double> energy_volume;
-  std::vector<double> mass;         // [kg/m]
-  std::vector<std::uint8_t> fixed;  // 1 for particles of a clamp
-  std::vector<std::uint8_t> edge;   // 1 for particles whose cell is cut by the contour they lie on
+  std::vector<double> mass;          // [kg/m]
+  std::vector<std::uint8_t> fixed;   // components that do not move by themselves: 1 x, 2 y, 3 both
+  std::vector<std::uint8_t> edge;    // 1 for particles whose cell is cut by the contour they lie on
+  std::vector<std::uint8_t> member;  // number of the body a particle belongs to
+  std::vector<Outline> outlines;     // of bodies with particles on their contour
+  std::vector<std::uint32_t> outline_member;
 
   [[nodiscard]] std::size_t size() const { return volume.size(); }
   [[nodiscard]] double mean_spacing() const;
+  [[nodiscard]] bool holds(std::size_t particle, std::size_t component) const {
+    return (fixed[particle] >> component & 1U) != 0;
+  }
 };
 
 /// What a run carries from window to window.
@@ -63,11 +77,15 @@ struct State {
   std::vector<double> displacement;  // [m], 2 per particle
   std::vector<double> velocity;      // [m/s]
   double time = 0;                   // [s]
-  double external_work = 0;          // of surface loads and gravity since the start [J/m]
+  double external_work = 0;          // of loads, gravity and prescribed motion since the start [J/m]
+  double viscous_work = 0;           // taken by artificial viscosity and mass damping [J/m]
+  std::vector<double> history;       // of laws that have one, see Law::history
 };
 
 /// Particles on a regular grid, the faster index along the thinner direction.
 Body fill(const Box& box, double density, double smoothing_ratio, bool end_corrected);
+/// `next` after the particles of `body`, as another member.
+void append(Body& body, const Body& next);
 State at_rest(const Body& body);
 
 /// Number of particles `fill` would make in x and y.

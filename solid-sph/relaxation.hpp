@@ -19,14 +19,17 @@ EquilibriumReport CompiledSolver<Law, Stabilised, Viscous>::relax(std::vector<do
                                                                   const Monitor& monitor) {
   constexpr std::uint64_t kBlock = 50;  // steps between two looks at the motion
   const std::size_t n = body_.size();
-  const auto free = [&](std::size_t i) { return body_.fixed[i] == 0; };
+  const auto free = [&](std::size_t c) { return !body_.holds(c / 2, c % 2); };
+  for (const PrescribedMotion& motion : loading.prescribed)
+    for (const std::uint32_t i : motion.particle)
+      displacement[2 * i + motion.component] =
+          motion.displacement(body_.position[2 * i], body_.position[2 * i + 1], time);
   const double reference_step = reference_stable_step();
   std::vector<double> external;
-  external_force(loading, time, external);
+  external_force(loading, time, displacement, external);
   std::vector<double> velocity(2 * n, 0.0), block_displacement = displacement, block_force(2 * n);
   const auto free_norm = [&](const auto& value) {
-    return std::sqrt(
-        ordered_sum(2 * n, [&](std::size_t c) { return free(c / 2) ? value(c) * value(c) : 0.0; }));
+    return std::sqrt(ordered_sum(2 * n, [&](std::size_t c) { return free(c) ? value(c) * value(c) : 0.0; }));
   };
   const double load_norm = free_norm([&](std::size_t c) { return external[c]; });
 
@@ -35,9 +38,8 @@ EquilibriumReport CompiledSolver<Law, Stabilised, Viscous>::relax(std::vector<do
   double reference_norm = load_norm;
   bool near_before = false;
   for (;; ++report.steps) {
-    if (compute_stress<Law, Stabilised>(body_, pairs_, law_, displacement, fields_) > 0)
-      report_breakdown(report.steps);
-    compute_force<Stabilised, false>(body_, pairs_, viscosity_, displacement, {}, fields_);
+    if (stresses<false>(displacement) > 0) report_breakdown(report.steps);
+    forces<false>(displacement, {});
     const double* force = fields_.force.data();
 
     if (report.steps % kBlock == 0) {
@@ -66,15 +68,16 @@ EquilibriumReport CompiledSolver<Law, Stabilised, Viscous>::relax(std::vector<do
         }
         near_before = near;
         const double stiffness = ordered_sum(2 * n, [&](std::size_t c) {
-          return free(c / 2) ? (displacement[c] - block_displacement[c]) * (block_force[c] - force[c]) : 0.0;
+          return free(c) ? (displacement[c] - block_displacement[c]) * (block_force[c] - force[c]) : 0.0;
         });
         const double inertia = ordered_sum(2 * n, [&](std::size_t c) {
           const double d = displacement[c] - block_displacement[c];
-          return free(c / 2) ? d * d * body_.mass[c / 2] : 0.0;
+          return free(c) ? d * d * body_.mass[c / 2] : 0.0;
         });
         damping = inertia > 0 && stiffness > 0 ? 2 * std::sqrt(stiffness / inertia) : 0;
       }
       if (report.steps >= settings.maximum_steps) return report;
+      if (!loading.pressures.empty()) external_force(loading, time, displacement, external);
       dt = 0.9 * reference_step / std::sqrt(std::max(1.0, stiffening()));
       damping = std::min(damping, 1.0 / dt);
       block_displacement = displacement;
@@ -91,7 +94,7 @@ EquilibriumReport CompiledSolver<Law, Stabilised, Viscous>::relax(std::vector<do
     const double decay = (2 - damping * dt) / (2 + damping * dt), gain = 2 * dt / (2 + damping * dt);
 #pragma omp parallel for schedule(static) if (n > kSerialBelow)
     for (std::size_t c = 0; c < 2 * n; ++c) {
-      if (body_.fixed[c / 2]) continue;
+      if (body_.holds(c / 2, c % 2)) continue;
       velocity[c] = decay * velocity[c] + gain * (external[c] + force[c]) / body_.mass[c / 2];
       displacement[c] += dt * velocity[c];
     }

@@ -7,6 +7,7 @@
 #include <cmath>
 #include <cstring>
 
+#include "scene_body.hpp"
 #include "wet_surface.hpp"
 
 namespace estuary::solid {
@@ -50,14 +51,17 @@ Plan Solid::configure(Scene& scene, const std::string& role) {
 }
 
 void Solid::build() {
-  body_ = fill(scene_.box, scene_.density, scene_.smoothing_ratio, scene_.order == Order::quadratic);
+  body_ = build_body(scene_);
   SolverOptions options = scene_.solver_options();
-  options.viscosity.smoothing_length = body_.smoothing_length;
+  for (Material& material : options.materials) material.viscosity.smoothing_length = body_.smoothing_length;
   solver_ = make_solver(scene_.law, body_, options);
   newton_.reset();
   if (scene_.mode == Mode::steady && scene_.method == SteadyMethod::newton)
     newton_ = std::make_unique<NewtonSolver>(*solver_);
-  state_ = accepted_ = at_rest(body_);
+  state_ = at_rest(body_);
+  state_.history = solver_->history();
+  if (scene_.mode == Mode::transient) set_velocities(scene_, body_, state_);
+  accepted_ = state_;
   work_ = {};
   step_seconds_ = transfer_seconds_ = 0;
   // Traffic of the two sweeps: per pair two indices and two weights, per particle its tensors and vectors.
@@ -66,52 +70,51 @@ void Solid::build() {
   work_.bytes_per_update = pairs * (40 + (stabilised ? 48 : 0)) + 320;
 }
 
-void Solid::build_loads() {
-  loading_ = {};
-  loading_.gravity = scene_.gravity;
-  loading_.held = scene_.held;
-  ramps_.clear();
-  line_ = {};
+void Solid::build_surface() {
+  expressions_.clear();
+  loading_ = build_loading(scene_, body_, expressions_);
+  wet_nodes_.clear();
   surface_.Clear();
-  if (!scene_.wet.empty()) {
-    line_ = contour_line(body_, scene_.wet);
-    transfer_ = contour_transfer(body_, line_);
-    ParticleLoad wet;
-    wet.particle = transfer_.touched;
-    wet.start.assign(2 * wet.particle.size(), 0.0);
-    wet.end = wet.start;
-    loading_.loads.push_back(std::move(wet));
-    surface_.set_dimension(2);
-    surface_.mutable_reference_positions()->Add(line_.position.begin(), line_.position.end());
-    for (std::size_t s = 0; s < line_.segments(); ++s) {
-      surface_.add_connectivity(static_cast<std::uint32_t>(s));
-      surface_.add_connectivity(static_cast<std::uint32_t>((s + 1) % line_.size()));
+  std::vector<ContourLine> lines;
+  if (scene_.wet_contour)
+    lines = free_contours(body_);
+  else if (!scene_.wet.empty())
+    lines.push_back(contour_line(body_, scene_.wet));
+  if (lines.empty()) return;
+  transfer_ = contour_transfer(body_, lines);
+  ParticleLoad wet;
+  wet.particle = transfer_.touched;
+  wet.start.assign(2 * wet.particle.size(), 0.0);
+  wet.end = wet.start;
+  loading_.loads.push_back(std::move(wet));
+  surface_.set_dimension(2);
+  surface_.set_closed(true);
+  for (const ContourLine& line : lines) {
+    const std::size_t first = wet_nodes_.size() / 2;
+    wet_nodes_.insert(wet_nodes_.end(), line.position.begin(), line.position.end());
+    for (std::size_t s = 0; s < line.segments(); ++s) {
+      surface_.add_connectivity(static_cast<std::uint32_t>(first + s));
+      surface_.add_connectivity(static_cast<std::uint32_t>(first + (s + 1) % line.size()));
     }
-    surface_.set_closed(line_.closed);
-    surface_.set_identity(identity_of(surface_));
-    forces_.assign(2 * line_.size(), 0.0);
-    accepted_forces_ = forces_;
+    surface_.set_closed(surface_.closed() && line.closed);
   }
-  for (const SideLoadScene& side : scene_.loads) {
-    const ContourLine line = contour_line(body_, {&side.side, 1});
-    const Transfer transfer = contour_transfer(body_, line);
-    ParticleLoad load;
-    load.particle = transfer.touched;
-    spread(transfer, uniform_traction(line, side.force[0], side.force[1]), load.end);
-    load.start = load.end;
-    if (!side.ramp.empty()) {
-      ramps_.push_back(std::make_unique<Expression>(side.ramp));
-      load.factor = [ramp = ramps_.back().get()](double t) { return (*ramp)(0, 0, 0, t); };
-    }
-    loading_.loads.push_back(std::move(load));
-  }
+  surface_.mutable_reference_positions()->Add(wet_nodes_.begin(), wet_nodes_.end());
+  surface_.set_identity(identity_of(surface_));
+  forces_.assign(wet_nodes_.size(), 0.0);
+  accepted_forces_ = forces_;
 }
 
 v1::Exchange Solid::start(const v1::Exchange&, const std::filesystem::path& folder) {
   folder_ = folder;
   std::filesystem::create_directories(folder_);
-  build();
-  build_loads();
+  try {
+    build();
+    build_surface();
+  } catch (const std::invalid_argument& error) {
+    throw BadInput("solid", error.what());
+  } catch (const std::domain_error& error) {
+    throw BadInput("solid", error.what());
+  }
   watches_.clear();
   for (const WatchScene& watch : scene_.watches) {
     PointWatch entry{watch.name, std::nullopt};
@@ -121,7 +124,7 @@ v1::Exchange Solid::start(const v1::Exchange&, const std::filesystem::path& fold
   particle_series_ = std::make_unique<FieldSeries>(folder_, "frame");
   surface_series_ = std::make_unique<FieldSeries>(folder_, "surface");
   v1::Exchange brought;
-  if (line_.position.empty()) return brought;
+  if (wet_nodes_.empty()) return brought;
   *brought.mutable_wet_surface() = surface_;
   fill_displacements(*brought.mutable_displacements());
   return brought;
@@ -129,7 +132,7 @@ v1::Exchange Solid::start(const v1::Exchange&, const std::filesystem::path& fold
 
 void Solid::fill_displacements(v1::Displacements& field) const {
   field.set_surface(surface_.identity());
-  const auto count = static_cast<int>(2 * line_.size());
+  const auto count = static_cast<int>(wet_nodes_.size());
   field.mutable_displacement()->Resize(count, 0.0);
   field.mutable_velocity()->Resize(count, 0.0);
   const auto n = static_cast<std::size_t>(count);
@@ -138,7 +141,7 @@ void Solid::fill_displacements(v1::Displacements& field) const {
 }
 
 void Solid::take_forces(const v1::Exchange& inputs) {
-  if (line_.position.empty()) {
+  if (wet_nodes_.empty()) {
     if (inputs.has_forces())
       throw BadInput("inputs.forces", "forces were sent, but this solid has no wet side");
     return;
@@ -165,7 +168,7 @@ void Solid::take_forces(const v1::Exchange& inputs) {
       start[k] = linear ? accepted_forces_[k] : 0.5 * (accepted_forces_[k] + forces_[k]);
       if (!linear) end[k] = start[k];
     }
-  ParticleLoad& wet = loading_.loads.front();
+  ParticleLoad& wet = loading_.loads.back();
   spread(transfer_, start, wet.start);
   spread(transfer_, end, wet.end);
 }
@@ -183,21 +186,68 @@ std::uint64_t Solid::steps_for(double duration) {
   return std::max<std::uint64_t>(1, static_cast<std::uint64_t>(steps));
 }
 
+// In stretches short enough that the stable step is looked at again as the state stiffens.
 void Solid::integrate(const Window& window, const Monitor& monitor) {
+  constexpr double kStretch = 200;
   state_ = accepted_;
   state_.time = window.time;
-  const std::uint64_t steps = steps_for(window.duration);
-  work_.steps += steps;
-  work_.updates += static_cast<double>(steps) * static_cast<double>(body_.size());
-  solver_->advance(state_, loading_, window.duration, steps, scene_.damping, monitor);
+  const Loading whole = loading_;
+  double done = 0;
+  while (done < window.duration * (1 - 1e-12)) {
+    solver_->set_history(state_.history);
+    const std::uint64_t all = steps_for(window.duration - done);
+    const double stretches = std::max(1.0, std::round(static_cast<double>(all) / kStretch));
+    const double duration = (window.duration - done) / stretches;
+    const std::uint64_t steps =
+        (all + static_cast<std::uint64_t>(stretches) - 1) / static_cast<std::uint64_t>(stretches);
+    for (std::size_t l = 0; l < loading_.loads.size(); ++l)
+      for (std::size_t c = 0; c < loading_.loads[l].start.size(); ++c) {
+        const double start = whole.loads[l].start[c], change = whole.loads[l].end[c] - start;
+        loading_.loads[l].start[c] = start + change * (done / window.duration);
+        loading_.loads[l].end[c] = start + change * ((done + duration) / window.duration);
+      }
+    work_.steps += steps;
+    work_.updates += static_cast<double>(steps) * static_cast<double>(body_.size());
+    solver_->advance(state_, loading_, duration, steps, scene_.damping,
+                     [&](double fraction, const std::string& note) {
+                       monitor((done + fraction * duration) / window.duration, note);
+                     });
+    done = stretches > 1 ? done + duration : window.duration;
+    state_.time = window.time + done;
+  }
+  for (std::size_t l = 0; l < loading_.loads.size(); ++l) {
+    loading_.loads[l].start = whole.loads[l].start;
+    loading_.loads[l].end = whole.loads[l].end;
+  }
 }
 
 double Solid::find_equilibrium(const Window& window, const Monitor& monitor) {
   const double time = window.time + window.duration;
-  std::vector<double> displacement = state_.displacement;
-  const EquilibriumReport report = newton_
-                                       ? newton_->solve(displacement, loading_, time, scene_.steady, monitor)
-                                       : solver_->relax(displacement, loading_, time, scene_.steady, monitor);
+  // A law with history starts each search from the last accepted state: it must not remember a trial.
+  solver_->set_history(accepted_.history);
+  std::vector<double> displacement = state_.history.empty() ? state_.displacement : accepted_.displacement;
+  EquilibriumReport report;
+  // Pressures follow the surface: found again on each equilibrium until it stays.
+  const int rounds = loading_.pressures.empty() || !newton_ ? 1 : 40;
+  for (int round = 0; round < rounds; ++round) {
+    const std::vector<double> before = displacement;
+    const EquilibriumReport one = newton_
+                                      ? newton_->solve(displacement, loading_, time, scene_.steady, monitor)
+                                      : solver_->relax(displacement, loading_, time, scene_.steady, monitor);
+    report.converged = one.converged;
+    report.steps += one.steps;
+    report.residual = one.residual;
+    report.remaining_change = one.remaining_change;
+    if (!one.converged || rounds == 1) break;
+    double change = 0, size = 0;
+    for (std::size_t c = 0; c < before.size(); ++c) {
+      change += std::pow(displacement[c] - before[c], 2);
+      size += displacement[c] * displacement[c];
+    }
+    report.remaining_change = size > 0 ? std::sqrt(change / size) : 0;
+    report.converged = report.remaining_change <= scene_.steady.tolerance;
+    if (report.converged) break;
+  }
   work_.steps += report.steps;
   work_.updates += static_cast<double>(report.steps) * static_cast<double>(body_.size());
   if (!report.converged) {
@@ -213,6 +263,8 @@ double Solid::find_equilibrium(const Window& window, const Monitor& monitor) {
   }
   state_.displacement = std::move(displacement);
   state_.time = time;
+  solver_->commit(state_.displacement);
+  state_.history = solver_->history();
   return std::max(report.residual, report.remaining_change);
 }
 
@@ -269,7 +321,7 @@ AdvanceResult Solid::advance(const Window& window, const v1::Exchange& inputs, P
       fail(breakdown, window);
     }
   }
-  if (!line_.position.empty()) {
+  if (!wet_nodes_.empty()) {
     fill_displacements(*result.outputs.mutable_displacements());
     add_surface_resultants(result);
   }
@@ -284,10 +336,9 @@ AdvanceResult Solid::advance(const Window& window, const v1::Exchange& inputs, P
 void Solid::add_surface_resultants(AdvanceResult& result) const {
   const auto& displacement = result.outputs.displacements().displacement();
   double fx = 0, fy = 0, moment = 0;
-  for (std::size_t k = 0; k < line_.size(); ++k) {
+  for (std::size_t k = 0; k < wet_nodes_.size() / 2; ++k) {
     const auto c = static_cast<int>(2 * k);
-    const double x = line_.position[2 * k] + displacement[c],
-                 y = line_.position[2 * k + 1] + displacement[c + 1];
+    const double x = wet_nodes_[2 * k] + displacement[c], y = wet_nodes_[2 * k + 1] + displacement[c + 1];
     fx += forces_[2 * k];
     fy += forces_[2 * k + 1];
     moment += x * forces_[2 * k + 1] - y * forces_[2 * k];
@@ -296,13 +347,19 @@ void Solid::add_surface_resultants(AdvanceResult& result) const {
   result.surface_moment = moment;
 }
 
-std::array<double, 2> Solid::reaction(double time) {
+// Force and moment about the origin of what holds or moves particles, at rest.
+std::array<double, 3> Solid::reaction(double time) {
   std::vector<double> external;
-  solver_->external_force(loading_, time, external);
-  std::array<double, 2> sum{};
+  solver_->external_force(loading_, time, state_.displacement, external);
+  std::array<double, 3> sum{};
   for (std::size_t i = 0; i < body_.size(); ++i)
-    if (body_.fixed[i])
-      for (std::size_t c = 0; c < 2; ++c) sum[c] -= solver_->fields().force[2 * i + c] + external[2 * i + c];
+    for (std::size_t c = 0; c < 2; ++c) {
+      if (!body_.holds(i, c)) continue;
+      const double force = -solver_->fields().force[2 * i + c] - external[2 * i + c];
+      sum[c] += force;
+      const std::size_t o = 2 * i + 1 - c;
+      sum[2] += (c == 1 ? 1 : -1) * (body_.position[o] + state_.displacement[o]) * force;
+    }
   return sum;
 }
 
@@ -314,24 +371,40 @@ std::vector<WatchValues> Solid::watch_values(double time) {
       std::array<double, 2> u{}, v{};
       interpolate(*watch.transfer, state_.displacement, u);
       interpolate(*watch.transfer, state_.velocity, v);
-      entry.quantities = {{"displacement_x", u[0]},
-                          {"displacement_y", u[1]},
-                          {"displacement", std::hypot(u[0], u[1])},
-                          {"velocity_x", v[0]},
-                          {"velocity_y", v[1]}};
+      const std::array<double, 6> stress = stress_at(*watch.transfer);
+      entry.quantities = {
+          {"displacement_x", u[0]}, {"displacement_y", u[1]},     {"displacement", std::hypot(u[0], u[1])},
+          {"velocity_x", v[0]},     {"velocity_y", v[1]},         {"cauchy_xx", stress[0]},
+          {"cauchy_yy", stress[1]}, {"cauchy_xy", stress[2]},     {"cauchy_zz", stress[3]},
+          {"von_mises", stress[4]}, {"plastic_strain", stress[5]}};
     } else {
       double largest = 0;
       for (std::size_t i = 0; i < body_.size(); ++i)
         largest = std::max(largest, std::hypot(state_.displacement[2 * i], state_.displacement[2 * i + 1]));
       const auto force = reaction(time);
-      entry.quantities = {{"kinetic_energy", solver_->kinetic_energy(state_)},
-                          {"internal_energy", solver_->energy(state_.displacement)},
-                          {"maximum_displacement", largest},
-                          {"reaction_x", force[0]},
-                          {"reaction_y", force[1]}};
+      std::array<double, 2> momentum{};
+      double spin = 0;
+      for (std::size_t i = 0; i < body_.size(); ++i) {
+        const double m = body_.mass[i], vx = state_.velocity[2 * i], vy = state_.velocity[2 * i + 1];
+        momentum[0] += m * vx;
+        momentum[1] += m * vy;
+        spin += m * ((body_.position[2 * i] + state_.displacement[2 * i]) * vy -
+                     (body_.position[2 * i + 1] + state_.displacement[2 * i + 1]) * vx);
+      }
+      const double kinetic = solver_->kinetic_energy(state_), internal = solver_->energy(state_.displacement),
+                   plastic = solver_->plastic_work();
+      entry.quantities = {{"kinetic_energy", kinetic},   {"internal_energy", internal},
+                          {"plastic_work", plastic},     {"maximum_displacement", largest},
+                          {"reaction_x", force[0]},      {"reaction_y", force[1]},
+                          {"reaction_moment", force[2]}, {"momentum_x", momentum[0]},
+                          {"momentum_y", momentum[1]},   {"angular_momentum", spin}};
       // An equilibrium is found without following the path on which the load did its work.
-      if (scene_.mode == Mode::transient)
+      if (scene_.mode == Mode::transient) {
         entry.quantities.emplace_back("external_work", state_.external_work);
+        entry.quantities.emplace_back("viscous_work", state_.viscous_work);
+        entry.quantities.emplace_back(
+            "total_energy", kinetic + internal + plastic + state_.viscous_work - state_.external_work);
+      }
     }
     values.push_back(std::move(entry));
   }

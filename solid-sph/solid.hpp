@@ -33,7 +33,7 @@ private:
   };
 
   void build();
-  void build_loads();
+  void build_surface();
   void take_forces(const v1::Exchange& inputs);
   void integrate(const Window& window, const Monitor& monitor);
   double find_equilibrium(const Window& window, const Monitor& monitor);
@@ -41,7 +41,10 @@ private:
   [[nodiscard]] std::uint64_t steps_for(double duration);
   void fill_displacements(v1::Displacements& field) const;
   [[nodiscard]] std::vector<WatchValues> watch_values(double time);
-  [[nodiscard]] std::array<double, 2> reaction(double time);
+  [[nodiscard]] std::array<double, 3> reaction(double time);
+  /// Cauchy xx yy xy zz, von Mises and equivalent plastic strain of a particle.
+  [[nodiscard]] std::array<double, 6> particle_stress(std::size_t particle) const;
+  [[nodiscard]] std::array<double, 6> stress_at(const Transfer& transfer) const;
   void add_surface_resultants(AdvanceResult& result) const;
   void write_particles(const std::filesystem::path& file) const;
   void write_surface(const std::filesystem::path& file) const;
@@ -51,9 +54,9 @@ private:
   Body body_;
   std::unique_ptr<Solver> solver_;
   std::unique_ptr<NewtonSolver> newton_;
-  std::vector<std::unique_ptr<Expression>> ramps_;
-  Loading loading_;   // entry 0 is the wet surface when there is one
-  ContourLine line_;  // empty without wet sides
+  std::vector<std::unique_ptr<Expression>> expressions_;
+  Loading loading_;                // the last particle load is the wet surface when there is one
+  std::vector<double> wet_nodes_;  // reference positions [m]; empty without a wet surface
   Transfer transfer_;
   v1::WetSurface surface_;
   std::vector<PointWatch> watches_;

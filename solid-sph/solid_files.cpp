@@ -6,31 +6,60 @@
 
 namespace estuary::solid {
 
+std::array<double, 6> Solid::particle_stress(std::size_t i) const {
+  const Tensor<double> f = tensor_at(solver_->fields().deformation_gradient, i);
+  const Tensor<double> sigma =
+      scaled(product(solver_->first_piola_kirchhoff_at(i), transposed(f)), 1 / determinant(f));
+  const double zz = solver_->stress_across(i), xy = 0.5 * (sigma.xy + sigma.yx);
+  const double a = sigma.xx - sigma.yy, b = sigma.yy - zz, c = zz - sigma.xx;
+  const auto& history = solver_->history();
+  const double plastic = history.empty() ? 0.0 : history[J2Plasticity::history_size * i + 4];
+  return {sigma.xx, sigma.yy, xy, zz, std::sqrt(0.5 * (a * a + b * b + c * c) + 3 * xy * xy), plastic};
+}
+
+std::array<double, 6> Solid::stress_at(const Transfer& transfer) const {
+  std::array<double, 6> value{};
+  for (std::size_t e = 0; e < transfer.weight.size(); ++e) {
+    const auto one = particle_stress(transfer.touched[transfer.position[e]]);
+    for (std::size_t c = 0; c < value.size(); ++c) value[c] += transfer.weight[e] * one[c];
+  }
+  return value;
+}
+
 void Solid::write_particles(const std::filesystem::path& file) const {
   const std::size_t n = body_.size();
-  std::vector<double> position(2 * n), cauchy_xx(n), cauchy_yy(n), cauchy_xy(n), cauchy_zz(n), von_mises(n);
-  const Fields& fields = solver_->fields();
+  std::vector<double> position(2 * n), body(n);
+  std::array<std::vector<double>, 6> stress;
+  std::array<std::vector<double>, 4> gradient;
+  for (auto& values : stress) values.resize(n);
+  for (auto& values : gradient) values.resize(n);
+  const auto& history = solver_->history();
+  std::vector<double> damage(history.empty() ? 0 : n);
   for (std::size_t i = 0; i < n; ++i) {
     for (std::size_t c = 0; c < 2; ++c)
       position[2 * i + c] = body_.position[2 * i + c] + state_.displacement[2 * i + c];
-    const Tensor<double> f = tensor_at(fields.deformation_gradient, i);
-    const Tensor<double> sigma =
-        scaled(product(solver_->first_piola_kirchhoff_at(i), transposed(f)), 1 / determinant(f));
-    const double zz = solver_->stress_across(i);
-    cauchy_xx[i] = sigma.xx;
-    cauchy_yy[i] = sigma.yy;
-    cauchy_xy[i] = 0.5 * (sigma.xy + sigma.yx);
-    cauchy_zz[i] = zz;
-    const double a = sigma.xx - sigma.yy, b = sigma.yy - zz, c = zz - sigma.xx;
-    von_mises[i] = std::sqrt(0.5 * (a * a + b * b + c * c) + 3 * cauchy_xy[i] * cauchy_xy[i]);
+    const auto one = particle_stress(i);
+    for (std::size_t c = 0; c < stress.size(); ++c) stress[c][i] = one[c];
+    for (std::size_t c = 0; c < 4; ++c) gradient[c][i] = solver_->fields().deformation_gradient[4 * i + c];
+    body[i] = body_.member[i];
+    if (!damage.empty()) damage[i] = history[J2Plasticity::history_size * i + 5];
   }
-  const std::vector<FieldView> views{{"displacement", 2, state_.displacement},
-                                     {"velocity", 2, state_.velocity},
-                                     {"von_mises", 1, von_mises},
-                                     {"cauchy_xx", 1, cauchy_xx},
-                                     {"cauchy_yy", 1, cauchy_yy},
-                                     {"cauchy_xy", 1, cauchy_xy},
-                                     {"cauchy_zz", 1, cauchy_zz}};
+  std::vector<FieldView> views{{"displacement", 2, state_.displacement},
+                               {"velocity", 2, state_.velocity},
+                               {"von_mises", 1, stress[4]},
+                               {"cauchy_xx", 1, stress[0]},
+                               {"cauchy_yy", 1, stress[1]},
+                               {"cauchy_xy", 1, stress[2]},
+                               {"cauchy_zz", 1, stress[3]},
+                               {"deformation_gradient_xx", 1, gradient[0]},
+                               {"deformation_gradient_xy", 1, gradient[1]},
+                               {"deformation_gradient_yx", 1, gradient[2]},
+                               {"deformation_gradient_yy", 1, gradient[3]}};
+  if (scene_.bodies.size() > 1) views.push_back({"body", 1, body});
+  if (!damage.empty()) {
+    views.push_back({"plastic_strain", 1, stress[5]});
+    views.push_back({"damage", 1, damage});
+  }
   write_points(file, 2, position, {}, views);
 }
 
@@ -39,7 +68,7 @@ void Solid::write_surface(const std::filesystem::path& file) const {
   fill_displacements(field);
   const std::vector<double> displacement(field.displacement().begin(), field.displacement().end());
   const std::vector<double> velocity(field.velocity().begin(), field.velocity().end());
-  std::vector<double> position = line_.position;
+  std::vector<double> position = wet_nodes_;
   for (std::size_t c = 0; c < position.size(); ++c) position[c] += displacement[c];
   const std::vector<std::uint32_t> segments(surface_.connectivity().begin(), surface_.connectivity().end());
   const std::vector<FieldView> views{
@@ -48,11 +77,12 @@ void Solid::write_surface(const std::filesystem::path& file) const {
 }
 
 std::vector<std::string> Solid::frame(std::uint64_t number, double time) {
+  solver_->set_history(state_.history);
   solver_->evaluate(state_.displacement);
   std::vector<std::string> files{particle_series_->file_name(number)};
   write_particles(folder_ / files.front());
   particle_series_->add(number, time);
-  if (!line_.position.empty()) {
+  if (!wet_nodes_.empty()) {
     files.push_back(surface_series_->file_name(number));
     write_surface(folder_ / files.back());
     surface_series_->add(number, time);
@@ -67,9 +97,11 @@ void Solid::save(const std::filesystem::path& file) {
   writer.add("steps", work_.steps);
   writer.add("displacement", accepted_.displacement);
   writer.add("velocity", accepted_.velocity);
-  const std::array<double, 3> numbers{accepted_.time, accepted_.external_work, work_.updates};
+  if (!accepted_.history.empty()) writer.add("history", accepted_.history);
+  const std::array<double, 4> numbers{accepted_.time, accepted_.external_work, accepted_.viscous_work,
+                                      work_.updates};
   writer.add("numbers", numbers);
-  if (!line_.position.empty()) writer.add("forces", accepted_forces_);
+  if (!wet_nodes_.empty()) writer.add("forces", accepted_forces_);
   writer.commit();
 }
 
@@ -82,18 +114,21 @@ void Solid::load(const std::filesystem::path& file) {
   State loaded = at_rest(body_);
   reader.read("displacement", loaded.displacement);
   reader.read("velocity", loaded.velocity);
-  std::array<double, 3> numbers{};
+  loaded.history = accepted_.history;
+  if (!loaded.history.empty()) reader.read("history", loaded.history);
+  std::array<double, 4> numbers{};
   reader.read("numbers", numbers);
   loaded.time = numbers[0];
   loaded.external_work = numbers[1];
+  loaded.viscous_work = numbers[2];
   std::vector<double> forces(accepted_forces_.size());
-  if (!line_.position.empty()) reader.read("forces", forces);
-  for (const std::vector<double>* values : {&loaded.displacement, &loaded.velocity, &forces})
+  if (!wet_nodes_.empty()) reader.read("forces", forces);
+  for (const std::vector<double>* values : {&loaded.displacement, &loaded.velocity, &loaded.history, &forces})
     for (const double value : *values)
       if (!std::isfinite(value))
         throw std::runtime_error(file.string() + " holds a value that is not finite");
   work_.steps = reader.read_count("steps");
-  work_.updates = numbers[2];
+  work_.updates = numbers[3];
   accepted_ = loaded;
   state_ = std::move(loaded);
   accepted_forces_ = forces;

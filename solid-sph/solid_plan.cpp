@@ -22,23 +22,45 @@ double interior_neighbours(const std::array<double, 2>& spacing, double support)
 }  // namespace
 
 Plan plan_of(const SolidScene& scene) {
-  const Box& box = scene.box;
-  const auto columns = count_columns(box);
-  const double particles = static_cast<double>(columns[0]) * static_cast<double>(columns[1]);
-  const std::array<double, 2> spacing = actual_spacing(box);
-  const double support = 2 * scene.smoothing_ratio * std::sqrt(spacing[0] * spacing[1]);
+  const Box& box = scene.bodies.front().box;
+  double particles = 0;
+  double across = 1e300;
+  for (const BodyScene& body : scene.bodies) {
+    if (body.shape == Shape::box) {
+      const auto columns = count_columns(body.box);
+      particles += static_cast<double>(columns[0]) * static_cast<double>(columns[1]);
+      across = std::min(across, static_cast<double>(std::min(columns[0], columns[1])));
+    } else if (body.shape == Shape::points) {
+      particles += static_cast<double>(body.points.size() / 3);
+    } else {
+      double area = 0;
+      const auto loops = body.outline(scene.spacing);
+      for (std::size_t l = 0; l < loops.size(); ++l)
+        area += (l == 0 ? 1 : -1) * std::abs(signed_area(loops[l])) / (scene.spacing * scene.spacing);
+      particles += std::round(area);
+    }
+  }
+  const std::array<double, 2> spacing =
+      scene.single_box() ? actual_spacing(box) : std::array<double, 2>{scene.spacing, scene.spacing};
+  const double support =
+      support_ratio(scene.kernel) * scene.smoothing_ratio * std::sqrt(spacing[0] * spacing[1]);
   const double neighbours = interior_neighbours(spacing, support);
   const double dt = scene.courant_step(spacing);
-  const auto across = std::min(columns[0], columns[1]);
 
   Plan plan;
   const auto add = [&](const char* name, std::string value) {
     plan.derived.emplace_back(name, std::move(value));
   };
-  add("particles", fmt::format("{} ({} x {}, spacing {:.4g} x {:.4g} m)", particles, columns[0], columns[1],
-                               spacing[0], spacing[1]));
+  if (scene.single_box()) {
+    const auto columns = count_columns(box);
+    add("particles", fmt::format("{} ({} x {}, spacing {:.4g} x {:.4g} m)", particles, columns[0], columns[1],
+                                 spacing[0], spacing[1]));
+  } else {
+    add("particles", fmt::format("about {} in {} bodies, spacing {:.4g} m", particles, scene.bodies.size(),
+                                 scene.spacing));
+  }
   add("neighbours of an inner particle", fmt::format("{} within {:.4g} m", neighbours, support));
-  add("wave speed", fmt::format("{:.4g} m/s", scene.wave_speed()));
+  add("wave speed", fmt::format("{:.4g} m/s", scene.fastest_wave()));
   if (scene.mode == Mode::transient) {
     const double steps = std::ceil(scene.window / dt);
     add("time step", fmt::format("at most {:.3g} s", dt));
@@ -56,16 +78,18 @@ Plan plan_of(const SolidScene& scene) {
         fmt::format("only {} particles across the thinner side: expect bending errors above 1 %; "
                     "use particles_across = 5 or more",
                     across));
-  if (scene.poisson_ratio > 0.49)
-    plan.warnings.push_back(
-        fmt::format("poisson_ratio = {} is close to incompressible: pressures oscillate and bending locks",
-                    scene.poisson_ratio));
-  if (scene.order == Order::linear && box.placement == Placement::cell_centres && across < 20)
+  for (const BodyScene& body : scene.bodies)
+    if (body.material.poisson_ratio > 0.49 && scene.law != LawName::neo_hooke_isochoric)
+      plan.warnings.push_back(fmt::format(
+          "poisson_ratio = {} is close to incompressible: law = \"neo_hooke_isochoric\" is made for it",
+          body.material.poisson_ratio));
+  if (scene.order == Order::linear && scene.placement == Placement::cell_centres && across < 20)
     plan.warnings.push_back(
         fmt::format("correction = \"linear\" with {} particles across makes bending too soft "
                     "(about 5 % at 10); \"quadratic\" does not",
                     across));
-  if (scene.stabilisation == 0 && (scene.order == Order::quadratic || box.placement == Placement::on_contour))
+  if (scene.stabilisation == 0 &&
+      (scene.order == Order::quadratic || scene.placement == Placement::on_contour))
     plan.warnings.emplace_back("stabilisation = 0: sawtooth modes have no stiffness");
   if (scene.mode == Mode::transient && scene.law != LawName::neo_hooke && scene.viscosity_linear == 0 &&
       scene.stabilisation == 0)
@@ -82,16 +106,16 @@ Plan plan_of(const SolidScene& scene) {
   if (scene.stabilisation == 0) plan.left_out.emplace_back("stabilisation (coefficient 0)");
   if (scene.gravity[0] == 0 && scene.gravity[1] == 0) plan.left_out.emplace_back("gravity");
   if (scene.damping == 0 && scene.mode == Mode::transient) plan.left_out.emplace_back("mass damping");
-  if (scene.wet.empty()) plan.left_out.emplace_back("wet surface (no wet side)");
+  if (scene.wet.empty() && !scene.wet_contour) plan.left_out.emplace_back("wet surface (no wet side)");
 
   const double per_pair = 4 + 16 + 16 + 16 + (scene.stabilisation > 0 ? 8 : 0) + (viscous ? 8 : 0);
   plan.memory_bytes = particles * (220 + neighbours * per_pair);
   if (scene.mode == Mode::steady && scene.method == SteadyMethod::newton)
     plan.memory_bytes +=
         particles * (4 * (neighbours + 1) * (neighbours + 1) + 12 * 12 * (2.5 * neighbours + 5) + 2000);
-  const char* law = scene.law == LawName::hooke_almansi ? "hooke-almansi"
-                    : scene.law == LawName::neo_hooke   ? "neo-hooke"
-                                                        : "svk";
+  constexpr std::array<const char*, 5> kLaws{SaintVenantKirchhoff::name, HookeAlmansi::name, NeoHooke::name,
+                                             NeoHookeIsochoric::name, J2Plasticity::name};
+  const char* law = kLaws[static_cast<std::size_t>(scene.law)];
   plan.variant = fmt::format("2d-{}-plane-{}-{}{}{}", law, scene.plane == Plane::strain ? "strain" : "stress",
                              scene.order == Order::linear ? "linear" : "quadratic",
                              scene.stabilisation > 0 ? "-stabilised" : "", viscous ? "-viscous" : "");

@@ -3,118 +3,49 @@
 #include <algorithm>
 #include <cmath>
 
-#include "expression.hpp"
-
 namespace estuary::solid {
 namespace {
 
-constexpr std::array<std::string_view, 4> kSides{"left", "top", "right", "bottom"};
-
-std::string list_of_sides() {
-  return "\"left\", \"top\", \"right\" or \"bottom\"";
-}
-
-std::optional<Side> side_named(const std::string& word) {
-  for (std::size_t s = 0; s < kSides.size(); ++s)
-    if (word == kSides[s]) return static_cast<Side>(s);
-  return std::nullopt;
-}
-
-std::vector<Side> read_sides(SceneTable& solid, std::string_view key) {
-  std::vector<Side> sides;
-  for (const std::string& word : solid.texts_or_empty(key)) {
-    const auto side = side_named(word);
-    if (!side) {
-      solid.problem(key, "\"" + word + "\" is not a side of a box; use " + list_of_sides());
-    } else if (std::find(sides.begin(), sides.end(), *side) != sides.end()) {
-      solid.problem(key, "\"" + word + "\" is named twice");
-    } else {
-      sides.push_back(*side);
+bool near_a_body(const SolidScene& scene, double x, double y) {
+  for (const BodyScene& body : scene.bodies) {
+    if (body.shape == Shape::points) {
+      for (std::size_t k = 0; k + 2 < body.points.size(); k += 3)
+        if (std::hypot(body.points[k] - x, body.points[k + 1] - y) < 2 * scene.spacing) return true;
+      continue;
     }
+    const auto loops = body.outline(scene.spacing);
+    // Points on the contour count: a hair around it is tried as well.
+    const double slip = 1e-6 * scene.spacing;
+    for (const double dx : {0.0, -slip, slip})
+      for (const double dy : {0.0, -slip, slip})
+        if (contains(loops, x + dx, y + dy)) return true;
+    // The polygon of a disc differs from the circle by less than this.
+    if (body.shape == Shape::disc &&
+        std::hypot(x - body.centre[0], y - body.centre[1]) < body.radius + 0.1 * scene.spacing)
+      return true;
   }
-  return sides;
-}
-
-void read_box(SceneTable& solid, SolidScene& result) {
-  SceneTable table = solid.table("box");
-  const auto from = table.numbers("from", 2), to = table.numbers("to", 2);
-  bool usable = from.size() == 2 && to.size() == 2;
-  for (std::size_t c = 0; usable && c < 2; ++c) {
-    result.box.from[c] = from[c];
-    result.box.to[c] = to[c];
-    if (!(to[c] > from[c]) || !std::isfinite(to[c] - from[c])) {
-      table.problem("to", "must lie right of and above `from`");
-      usable = false;
-    }
-  }
-  const bool by_spacing = solid.has("spacing"), by_number = solid.has("particles_across");
-  if (by_spacing == by_number)
-    solid.problem(by_spacing ? "spacing" : "", "give either `spacing` [m] or `particles_across`");
-  const double thin = usable ? std::min(result.box.length(0), result.box.length(1)) : 1.0;
-  if (by_spacing) result.box.spacing = solid.number("spacing", Range::positive());
-  if (by_number)
-    result.box.spacing =
-        thin / static_cast<double>(std::max<std::int64_t>(1, solid.integer("particles_across", 2, 10000)));
-  for (const Side side : read_sides(solid, "clamped"))
-    result.box.clamped[static_cast<std::size_t>(side)] = true;
-  constexpr std::array<std::string_view, 2> clamps{"line", "extra_rows"};
-  result.box.clamp = solid.choice("clamp", clamps) == "line" ? Clamp::line : Clamp::extra_rows;
-  constexpr std::array<std::string_view, 2> placements{"on_contour", "cell_centres"};
-  result.box.placement = solid.choice("placement", placements) == "cell_centres" ? Placement::cell_centres
-                                                                                 : Placement::on_contour;
-  for (const std::string& word : solid.texts_or_empty("periodic")) {
-    if (word != "x")
-      solid.problem("periodic", "only [\"x\"] is possible, not \"" + word + "\"");
-    else
-      result.box.periodic = true;
-  }
-  if (!usable || !(result.box.spacing > 0)) return;
-  if (result.box.spacing > 0.5 * thin * (1 + 1e-9)) {
-    solid.problem("spacing",
-                  "leaves fewer than two particles across the thinner side, too few for a gradient; "
-                  "use at most " +
-                      std::to_string(0.5 * thin) + " m");
-    return;
-  }
-  const double particles =
-      result.box.length(0) / result.box.spacing * result.box.length(1) / result.box.spacing;
-  if (particles > 5e6) {
-    solid.problem(by_spacing ? "spacing" : "particles_across",
-                  "makes more than five million particles; use a coarser spacing");
-    return;
-  }
-  if (result.box.periodic && (result.box.clamped[0] || result.box.clamped[2]))
-    solid.problem("clamped", "a side across the periodic direction cannot be clamped");
-}
-
-void read_material(SceneTable& solid, SolidScene& result) {
-  result.density = solid.number("density", Range::positive());
-  result.young_modulus = solid.number("young_modulus", Range::positive());
-  result.poisson_ratio = solid.number("poisson_ratio", {.minimum = -1.0, .maximum = 0.5, .exclusive = true});
-  constexpr std::array<std::string_view, 3> laws{"saint_venant_kirchhoff", "hooke_almansi", "neo_hooke"};
-  const std::string law = solid.choice("law", laws);
-  result.law = law == "hooke_almansi" ? LawName::hooke_almansi
-               : law == "neo_hooke"   ? LawName::neo_hooke
-                                      : LawName::saint_venant_kirchhoff;
-  constexpr std::array<std::string_view, 2> planes{"strain", "stress"};
-  result.plane = solid.choice("plane", planes) == "stress" ? Plane::stress : Plane::strain;
-  if (result.law == LawName::neo_hooke && result.plane == Plane::stress)
-    solid.problem("plane",
-                  "neo_hooke is available in plane strain only; use \"strain\", or the law "
-                  "saint_venant_kirchhoff or hooke_almansi");
+  return false;
 }
 
 void read_method(SceneTable& solid, SolidScene& result) {
   // With particles on the contour the linear correction is already exact where a quadratic one would be
   // needed.
   constexpr std::array<std::string_view, 2> corrections{"linear", "quadratic"};
-  const bool on_contour = result.box.placement == Placement::on_contour;
+  const bool on_contour = result.placement == Placement::on_contour;
   result.order =
       solid.has("correction")
           ? solid.choice("correction", corrections) == "quadratic" ? Order::quadratic : Order::linear
       : on_contour ? Order::linear
                    : Order::quadratic;
-  result.smoothing_ratio = solid.number_or("smoothing_ratio", 0.95, {.minimum = 0.75, .maximum = 2.0});
+  constexpr std::array<std::string_view, 3> kernels{"cubic_spline", "quintic_spline", "wendland"};
+  const std::string kernel = solid.choice("kernel", kernels);
+  result.kernel = static_cast<Kernel>(std::find(kernels.begin(), kernels.end(), kernel) - kernels.begin());
+  // Wide enough for the next particles on the diagonal in each.
+  const double ratio = result.kernel == Kernel::quintic_spline ? 0.65 : 0.95;
+  result.smoothing_ratio = solid.number_or("smoothing_ratio", ratio, {.minimum = 0.5, .maximum = 2.0});
+  if (result.smoothing_ratio * support_ratio(result.kernel) < 1.45)
+    solid.problem("smoothing_ratio", "reaches no diagonal neighbours: the kernel ends at " +
+                                         std::to_string(support_ratio(result.kernel)) + " times it");
   const double stabilisation = on_contour ? 0.02 : result.order == Order::quadratic ? 0.05 : 0.0;
   result.stabilisation = solid.number_or("stabilisation", stabilisation, {.minimum = 0.0, .maximum = 1.0});
   result.viscosity_linear = solid.number_or("viscosity_linear", 0.2, {.minimum = 0.0, .maximum = 10.0});
@@ -134,73 +65,6 @@ void read_method(SceneTable& solid, SolidScene& result) {
   result.steady.maximum_steps = steps > 0 ? static_cast<std::uint64_t>(steps) : relaxation ? 2'000'000 : 1000;
 }
 
-void read_loads(SceneTable& solid, SolidScene& result) {
-  for (const std::string& word : solid.texts_or_empty("held")) {
-    if (word != "x" && word != "y") {
-      solid.problem("held", "only \"x\" and \"y\" can be held, not \"" + word + "\"");
-    } else if (result.mode == Mode::steady) {
-      solid.problem("held", "is available in transient mode only");
-    } else {
-      result.held[word == "x" ? 0 : 1] = true;
-    }
-  }
-  if (solid.has("window_load") && result.mode == Mode::steady)
-    solid.problem("window_load", "has a meaning in transient mode only");
-  constexpr std::array<std::string_view, 3> window_loads{"mean", "linear", "received"};
-  const std::string window_load = solid.choice("window_load", window_loads);
-  result.window_load = window_load == "linear"     ? WindowLoad::linear
-                       : window_load == "received" ? WindowLoad::received
-                                                   : WindowLoad::mean;
-  if (solid.has("gravity")) {
-    const auto gravity = solid.numbers("gravity", 2);
-    if (gravity.size() == 2) result.gravity = {gravity[0], gravity[1]};
-  }
-  for (SceneTable& table : solid.tables("load")) {
-    SideLoadScene load;
-    const std::string word = table.text("side");
-    const auto side = side_named(word);
-    if (!side) {
-      if (!word.empty())
-        table.problem("side", "\"" + word + "\" is not a side of a box; use " + list_of_sides());
-    } else {
-      load.side = *side;
-      if (result.box.clamped[static_cast<std::size_t>(*side)])
-        table.problem("side", "\"" + word + "\" is clamped: a load on it would have no effect");
-      if (result.box.periodic && (*side == Side::left || *side == Side::right))
-        table.problem("side", "a body periodic in x has no \"" + word + "\" side");
-    }
-    const auto force = table.numbers("force", 2);
-    if (force.size() == 2) load.force = {force[0], force[1]};
-    if (table.has("ramp")) {
-      load.ramp = table.expression("ramp");
-      try {
-        const Expression ramp(load.ramp);
-        if (!std::isfinite(ramp(0, 0, 0, 0))) table.problem("ramp", "is not finite at t = 0");
-      } catch (const std::invalid_argument& error) {
-        table.problem("ramp", error.what());
-      }
-    }
-    result.loads.push_back(std::move(load));
-  }
-}
-
-void read_wet(SceneTable& solid, SolidScene& result) {
-  result.wet = read_sides(solid, "wet");
-  if (result.wet.empty()) return;
-  std::array<bool, 4> wet{};
-  for (const Side side : result.wet) wet[static_cast<std::size_t>(side)] = true;
-  int starts = 0;
-  for (std::size_t s = 0; s < 4; ++s) {
-    if (wet[s] && !wet[(s + 3) % 4]) ++starts;
-    if (wet[s] && result.box.clamped[s])
-      solid.problem("wet", std::string("the side \"") + kSideNames[s] + "\" is clamped and cannot be wet");
-  }
-  if (starts > 1)
-    solid.problem("wet", "the wet sides must follow one another round the box (left, top, right, bottom)");
-  if (result.box.periodic && (wet[0] || wet[2]))
-    solid.problem("wet", "a body periodic in x has no left and no right side");
-}
-
 void read_watches(SceneTable& root, const std::string& role, SolidScene& result) {
   for (SceneTable& table : root.tables("watch")) {
     if (table.text_or("participant", "") != role) continue;
@@ -210,12 +74,8 @@ void read_watches(SceneTable& root, const std::string& role, SolidScene& result)
       const auto point = table.numbers("point", 2);
       if (point.size() == 2) {
         watch.point = {point[0], point[1]};
-        const double slip = 1e-9 * result.box.spacing;
-        for (std::size_t c = 0; c < 2; ++c)
-          if (point[c] < result.box.from[c] - slip || point[c] > result.box.to[c] + slip) {
-            table.problem("point", "lies outside the body's reference box");
-            break;
-          }
+        if (!near_a_body(result, point[0], point[1]))
+          table.problem("point", "lies outside of every body in its reference state");
       }
     }
     for (const char* key : {"line", "samples"})
@@ -226,26 +86,42 @@ void read_watches(SceneTable& root, const std::string& role, SolidScene& result)
 
 }  // namespace
 
-double SolidScene::wave_speed() const {
-  return std::sqrt(constants().wave_modulus() / density);
+ElasticConstants SolidScene::constants(std::size_t body) const {
+  const MaterialScene& material = bodies[body].material;
+  return ElasticConstants::from(material.young_modulus, material.poisson_ratio, plane);
 }
 
-double SolidScene::courant_step(const std::array<double, 2>& spacing) const {
-  return courant * std::min(spacing[0], spacing[1]) / wave_speed();
+double SolidScene::wave_speed(std::size_t body) const {
+  return std::sqrt(constants(body).wave_modulus() / bodies[body].material.density);
+}
+
+double SolidScene::fastest_wave() const {
+  double speed = 0;
+  for (std::size_t body = 0; body < bodies.size(); ++body) speed = std::max(speed, wave_speed(body));
+  return speed;
+}
+
+double SolidScene::courant_step(const std::array<double, 2>& distance) const {
+  return courant * std::min(distance[0], distance[1]) / fastest_wave();
 }
 
 SolverOptions SolidScene::solver_options() const {
   SolverOptions options;
-  options.constants = constants();
   options.order = order;
-  options.stabilisation_modulus = stabilisation * options.constants.wave_modulus();
-  // An equilibrium has no velocity, so a steady run is compiled without viscosity.
-  if (mode == Mode::transient)
-    options.viscosity = {.linear = viscosity_linear,
-                         .quadratic = viscosity_quadratic,
-                         .sound_speed = wave_speed(),
-                         .smoothing_length = 0,
-                         .density = density};
+  options.kernel = kernel;
+  options.stabilisation = stabilisation;
+  for (std::size_t k = 0; k < bodies.size(); ++k) {
+    Material material{.constants = constants(k), .plane = plane, .viscosity = {}, .plasticity = {}};
+    material.plasticity = bodies[k].material.plasticity;
+    // An equilibrium has no velocity, so a steady run is compiled without viscosity.
+    if (mode == Mode::transient)
+      material.viscosity = {.linear = viscosity_linear,
+                            .quadratic = viscosity_quadratic,
+                            .sound_speed = wave_speed(k),
+                            .smoothing_length = 0,
+                            .density = bodies[k].material.density};
+    options.materials.push_back(std::move(material));
+  }
   return options;
 }
 
@@ -264,16 +140,21 @@ SolidScene read_solid_scene(Scene& scene, const std::string& role) {
   }
   SceneTable solid = root.table(role);
   solid.leave_to_others({"solver", "connect", "threads"});
-  read_box(solid, result);
-  read_material(solid, result);
+  read_bodies(solid, result);
   read_method(solid, result);
-  read_loads(solid, result);
-  read_wet(solid, result);
+  read_conditions(solid, result);
   read_watches(root, role, result);
-  const bool held =
-      std::find(result.box.clamped.begin(), result.box.clamped.end(), true) != result.box.clamped.end();
-  if (result.mode == Mode::steady && !held)
-    solid.problem("clamped", "a steady run needs a clamped side: a free body has no unique equilibrium");
+  if (result.mode == Mode::steady)
+    for (std::size_t k = 0; k < result.bodies.size(); ++k) {
+      const auto& clamped = result.bodies[k].box.clamped;
+      const bool held = std::find(clamped.begin(), clamped.end(), true) != clamped.end() ||
+                        std::any_of(result.holds.begin(), result.holds.end(),
+                                    [&](const HoldScene& hold) { return hold.place.body == k; });
+      if (!held)
+        solid.problem(
+            "clamped",
+            "a steady run needs a clamped side or a [[solid.hold]]: a free body has no unique equilibrium");
+    }
   solid.refuse_unknown_keys();
   return result;
 }

@@ -6,16 +6,57 @@
 #include <string>
 #include <vector>
 
+#include "outline_filling.hpp"
 #include "participant.hpp"
 #include "scene.hpp"
 #include "solver.hpp"
 
 namespace estuary::solid {
 
-struct SideLoadScene {
-  Side side = Side::right;
-  std::array<double, 2> force{};  // resultant [N/m]
-  std::string ramp;               // expression of t; empty means constant
+enum class Shape { box, disc, polygon, points };
+
+struct MaterialScene {
+  double density = 0;
+  double young_modulus = 0;
+  double poisson_ratio = 0;
+  Plasticity plasticity;
+};
+
+struct BodyScene {
+  std::string name;
+  Shape shape = Shape::box;
+  Box box;                         // clamps, too; spacing and placement of the whole scene
+  std::array<double, 2> centre{};  // of a disc [m]
+  double radius = 0;               // of a disc [m]
+  std::vector<Polygon> loops;      // of a polygon, holes after the first
+  std::vector<double> points;      // x, y [m], volume [m2] of each particle of a point list
+  MaterialScene material;
+  std::array<std::string, 2> velocity;  // at the start, expressions of x and y; empty means 0
+
+  /// Outline of what the scene asks for; empty for a point list.
+  [[nodiscard]] std::vector<Polygon> outline(double spacing) const;
+};
+
+/// Which particles or which stretch of the contour a condition is about.
+struct Place {
+  std::size_t body = 0;
+  std::optional<Side> side;                      // of a box
+  std::optional<std::array<double, 4>> stretch;  // the straight line from x0, y0 to x1, y1
+  std::optional<std::array<double, 4>> region;   // the rectangle from x0, y0 to x1, y1
+};
+
+struct HoldScene {
+  Place place;
+  std::array<bool, 2> component{true, true};
+  std::array<std::string, 2> displacement;  // expressions of x, y and t; empty means 0
+};
+
+struct LoadScene {
+  Place place;
+  std::array<double, 2> force{};        // resultant [N/m], when neither of the others is given
+  std::string ramp;                     // expression of t that scales `force`; empty means constant
+  std::array<std::string, 2> traction;  // [Pa], expressions of x, y and t
+  std::string pressure;                 // [Pa], expression of x, y and t
 };
 
 struct WatchScene {
@@ -33,13 +74,15 @@ enum class WindowLoad {
 };
 
 struct SolidScene {
-  Box box;
-  double density = 0;
-  double young_modulus = 0;
-  double poisson_ratio = 0;
+  std::vector<BodyScene> bodies;
+  double spacing = 0;  // [m]
+  Placement placement = Placement::on_contour;
+  Clamp clamp = Clamp::line;
+  bool periodic = false;
   LawName law = LawName::saint_venant_kirchhoff;
   Plane plane = Plane::strain;
-  Order order = Order::quadratic;
+  Order order = Order::linear;
+  Kernel kernel = Kernel::cubic_spline;
   double smoothing_ratio = 0.95;
   double stabilisation = 0;
   double viscosity_linear = 0;
@@ -49,7 +92,9 @@ struct SolidScene {
   std::array<double, 2> gravity{};
   std::array<bool, 2> held{};  // components of the displacement that stay zero
   std::vector<Side> wet;
-  std::vector<SideLoadScene> loads;
+  bool wet_contour = false;  // all of every contour that is not held
+  std::vector<HoldScene> holds;
+  std::vector<LoadScene> loads;
   std::vector<WatchScene> watches;
   SteadyMethod method = SteadyMethod::newton;
   EquilibriumSettings steady;
@@ -58,17 +103,26 @@ struct SolidScene {
   double window = 0;    // [s]
   double end_time = 0;  // [s]
 
-  [[nodiscard]] ElasticConstants constants() const {
-    return ElasticConstants::from(young_modulus, poisson_ratio, plane);
-  }
-  [[nodiscard]] double wave_speed() const;
+  [[nodiscard]] bool single_box() const { return bodies.size() == 1 && bodies.front().shape == Shape::box; }
+  [[nodiscard]] ElasticConstants constants(std::size_t body) const;
+  [[nodiscard]] double wave_speed(std::size_t body) const;
+  [[nodiscard]] double fastest_wave() const;
   /// Largest step by courant * spacing / wave speed [s].
-  [[nodiscard]] double courant_step(const std::array<double, 2>& spacing) const;
+  [[nodiscard]] double courant_step(const std::array<double, 2>& distance) const;
   [[nodiscard]] SolverOptions solver_options() const;
 };
 
 /// Notes every problem in `scene`; the result counts only when there are none.
 SolidScene read_solid_scene(Scene& scene, const std::string& role);
+
+// Parts of it: body_scene.cpp, condition_scene.cpp.
+void read_bodies(SceneTable& solid, SolidScene& result);
+void read_conditions(SceneTable& solid, SolidScene& result);
+/// Sides of a box named under `key`; every slip is noted.
+std::vector<Side> read_sides(SceneTable& solid, std::string_view key);
+std::optional<Side> side_named(const std::string& word);
+/// Notes what is wrong with an expression of x, y and t.
+void check_expression(SceneTable& table, std::string_view key, const std::string& text);
 
 /// Derived numbers, warnings, what is left out, memory and variant of a scene without problems.
 Plan plan_of(const SolidScene& scene);

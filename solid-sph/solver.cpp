@@ -12,8 +12,9 @@ double Solver::reference_stable_step() {
   std::uint64_t random = 0x9e3779b97f4a7c15ULL;
   for (std::size_t c = 0; c < 2 * n; ++c) {
     random = random * 6364136223846793005ULL + 1442695040888963407ULL;
-    mode[c] =
-        body_.fixed[c / 2] ? 0.0 : static_cast<double>(random >> 40) / static_cast<double>(1 << 24) - 0.5;
+    mode[c] = body_.holds(c / 2, c % 2)
+                  ? 0.0
+                  : static_cast<double>(random >> 40) / static_cast<double>(1 << 24) - 0.5;
   }
   const double amplitude = 1e-7 * body_.mean_spacing();
   double squared_frequency = 0;
@@ -25,7 +26,10 @@ double Solver::reference_stable_step() {
     evaluate(mode);
     double stiffness = 0, mass = 0;
     for (std::size_t c = 0; c < 2 * n; ++c) {
-      if (body_.fixed[c / 2]) continue;
+      if (body_.holds(c / 2, c % 2)) {
+        mode[c] = 0;
+        continue;
+      }
       stiffness -= mode[c] * fields_.force[c];
       mass += mode[c] * mode[c] * body_.mass[c / 2];
       mode[c] = -fields_.force[c] / body_.mass[c / 2];
@@ -72,15 +76,14 @@ double Solver::kinetic_energy(const State& state) const {
   });
 }
 
-void Solver::external_force(const Loading& loading, double time, std::vector<double>& force) const {
+void Solver::external_force(const Loading& loading, double time, std::span<const double> displacement,
+                            std::vector<double>& force) const {
   force.resize(2 * body_.size());
   for (std::size_t i = 0; i < body_.size(); ++i)
     for (std::size_t c = 0; c < 2; ++c) force[2 * i + c] = body_.mass[i] * loading.gravity[c];
-  for (const ParticleLoad& load : loading.loads) {
-    const double factor = load.factor ? load.factor(time) : 1.0;
-    for (std::size_t k = 0; k < load.particle.size(); ++k)
-      for (std::size_t c = 0; c < 2; ++c) force[2 * load.particle[k] + c] += factor * load.end[2 * k + c];
-  }
+  ExternalForces external(body_, loading);
+  external.set(1.0, time, displacement);
+  external.add_to(force);
 }
 
 void Solver::report_breakdown(std::uint64_t step) const {
@@ -99,6 +102,10 @@ std::unique_ptr<Solver> make_solver(LawName law, const Body& body, const SolverO
       return make_solver<HookeAlmansi>(body, options);
     case LawName::neo_hooke:
       return make_solver<NeoHooke>(body, options);
+    case LawName::neo_hooke_isochoric:
+      return make_solver<NeoHookeIsochoric>(body, options);
+    case LawName::j2_plasticity:
+      return make_solver<J2Plasticity>(body, options);
     case LawName::saint_venant_kirchhoff:
       break;
   }

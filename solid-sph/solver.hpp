@@ -12,21 +12,9 @@
 #include <vector>
 
 #include "internal_force.hpp"
+#include "loading.hpp"
 
 namespace estuary::solid {
-
-/// Forces on some particles, changing linearly over a window and scaled by a factor of time.
-struct ParticleLoad {
-  std::vector<std::uint32_t> particle;
-  std::vector<double> start, end;        // [N/m], 2 per listed particle
-  std::function<double(double)> factor;  // of the time [s]; empty means 1
-};
-
-struct Loading {
-  std::vector<ParticleLoad> loads;
-  std::array<double, 2> gravity{};  // [m/s2]
-  std::array<bool, 2> held{};       // components of the displacement that stay zero, in `advance` only
-};
 
 /// The state left the range of the method; `particle` is the first one seen.
 struct Breakdown : std::runtime_error {
@@ -53,11 +41,19 @@ struct EquilibriumReport {
   bool stable = true;           // false when Newton's method found an unstable equilibrium
 };
 
-struct SolverOptions {
+/// What one body is made of.
+struct Material {
   ElasticConstants constants;
-  double stabilisation_modulus = 0;  // [Pa]
+  Plane plane = Plane::strain;
   ArtificialViscosity viscosity;
+  Plasticity plasticity;  // of J2Plasticity only
+};
+
+struct SolverOptions {
+  std::vector<Material> materials;  // one for each body, or one for all
+  double stabilisation = 0;         // share of ElasticConstants::stabilisation_modulus
   Order order = Order::linear;
+  Kernel kernel = Kernel::cubic_spline;
 };
 
 class Solver {
@@ -76,11 +72,19 @@ public:
   /// Stresses and elastic forces of a displacement (no viscosity). Returns the number of particles with J <=
   /// 0 or values that are not finite.
   virtual std::int64_t evaluate(std::span<const double> displacement) = 0;
-  /// Of the state last evaluated.
+  /// Makes a displacement the one from which the next increment starts; nothing for laws without history.
+  virtual void commit(std::span<const double> displacement) = 0;
+  /// Of laws that have one; empty otherwise.
+  [[nodiscard]] const std::vector<double>& history() const { return history_; }
+  void set_history(const std::vector<double>& history) { history_ = history; }
+  /// Of the state last evaluated: elastic energy, that of the stabilisation, and what the increment would
+  /// dissipate.
   [[nodiscard]] virtual double energy(std::span<const double> displacement) const = 0;
   [[nodiscard]] virtual std::array<double, 16> tangent_at(std::size_t particle) const = 0;
   [[nodiscard]] virtual Tensor<double> first_piola_kirchhoff_at(std::size_t particle) const = 0;
   [[nodiscard]] virtual double stress_across(std::size_t particle) const = 0;
+  /// Dissipated by plastic flow and damage up to the last commit [J/m].
+  [[nodiscard]] virtual double plastic_work() const = 0;
   [[nodiscard]] virtual bool symmetric_tangent() const = 0;
 
   /// Advances by `steps` equal steps of velocity Verlet (Swope et al. 1982; with mass damping, second order
@@ -99,7 +103,8 @@ public:
   [[nodiscard]] double stiffening() const;
   [[nodiscard]] double kinetic_energy(const State& state) const;
   /// Force of the loading's end values at `time` on every particle, gravity included [N/m].
-  void external_force(const Loading& loading, double time, std::vector<double>& force) const;
+  void external_force(const Loading& loading, double time, std::span<const double> displacement,
+                      std::vector<double>& force) const;
   /// Throws Breakdown for the first particle out of range in the last evaluation.
   [[noreturn]] void report_breakdown(std::uint64_t step) const;
 
@@ -107,15 +112,16 @@ protected:
   const Body& body_;
   Neighbourhood pairs_;
   Fields fields_;
+  std::vector<double> history_;
   double stable_step_ = 0;
   double rest_stiffness_ = 0;
 };
 
-/// `Law` is one of laws.hpp. Throws std::domain_error when the particles do not allow a gradient.
+/// `Law` is one of laws.hpp or plasticity.hpp. Throws std::domain_error when the particles do not allow a
+/// gradient.
 template <class Law>
 std::unique_ptr<Solver> make_solver(const Body& body, const SolverOptions& options);
 
-enum class LawName { saint_venant_kirchhoff, hooke_almansi, neo_hooke };
 std::unique_ptr<Solver> make_solver(LawName law, const Body& body, const SolverOptions& options);
 
 }  // namespace estuary::solid

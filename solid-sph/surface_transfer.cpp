@@ -1,9 +1,12 @@
 #include "surface_transfer.hpp"
 
+#include <Eigen/Dense>
 #include <algorithm>
 #include <cmath>
+#include <numbers>
 #include <stdexcept>
 #include <string>
+#include <utility>
 
 #include "kernel_function.hpp"
 
@@ -66,7 +69,17 @@ std::vector<Entry> point_row(const Body& body, const ReferenceSearch& search, co
     std::vector<Offset> offsets;
     std::vector<double> weights;
     std::vector<Entry> row;
-    for (const auto& found : search.within(place.x, place.y, radius)) {
+    const auto candidates = search.within(place.x, place.y, radius);
+    // Where bodies are close, that of the nearest particle counts.
+    std::size_t member = 0;
+    double nearest = 1e300;
+    for (const auto& found : candidates)
+      if (std::hypot(found.x, found.y) < nearest) {
+        nearest = std::hypot(found.x, found.y);
+        member = body.member[found.particle];
+      }
+    for (const auto& found : candidates) {
+      if (body.member[found.particle] != member) continue;
       if (place.held != 0) {
         // A node on a clamp moves with the clamp: only the fixed row along that side counts.
         const double across = std::abs(vertical ? found.x : found.y);
@@ -105,11 +118,35 @@ Rows point_rows(const Body& body, std::span<const Place> places) {
   return rows;
 }
 
+// The least change of the shares that makes them reproduce linear fields on a contour that is curved or whose
+// nodes are not evenly spaced.
+template <class At>
+void keep_linear(std::vector<double>& share, std::span<const Place> places, const At& at, std::ptrdiff_t k,
+                 double spacing) {
+  const auto count = static_cast<Eigen::Index>(share.size());
+  const auto reach = static_cast<std::ptrdiff_t>(share.size() / 2);
+  Eigen::MatrixXd moments(3, count);
+  for (Eigen::Index column = 0; column < count; ++column) {
+    const Place& place = places[at(k + column - reach)];
+    moments.col(column) << 1, (place.x - places[at(k)].x) / spacing, (place.y - places[at(k)].y) / spacing;
+  }
+  const Eigen::Map<Eigen::VectorXd> shares(share.data(), count);
+  Eigen::VectorXd gap = -(moments * shares);
+  gap[0] += 1;
+  if (gap.norm() < 1e-14) return;
+  Eigen::CompleteOrthogonalDecomposition<Eigen::MatrixXd> decomposition;
+  decomposition.setThreshold(1e-10);
+  const Eigen::VectorXd change = decomposition.compute(moments).solve(gap);
+  for (Eigen::Index column = 0; column < count; ++column)
+    share[static_cast<std::size_t>(column)] += change[column];
+}
+
 // Combines the rows of neighbouring contour nodes so that a sawtooth along the contour, which the solid
 // carries with little stiffness and the other side cannot resolve, is neither seen nor loaded. On straight
 // stretches of even spacing cubic fields pass unchanged (the five-point filter of Shapiro 1970); next to
 // corners, ends and clamps linear ones do.
-Rows without_sawtooth(const Rows& rows, std::span<const Place> places, bool closed, bool periodic) {
+Rows without_sawtooth(const Body& body, const Rows& rows, std::span<const Place> places, bool closed) {
+  const bool periodic = body.box.periodic;
   const auto n = static_cast<std::ptrdiff_t>(rows.size());
   const bool wraps = closed || periodic;
   const std::ptrdiff_t period = periodic ? n - 1 : n;  // both ends of a periodic line are one node
@@ -129,6 +166,7 @@ Rows without_sawtooth(const Rows& rows, std::span<const Place> places, bool clos
         share = {-0.0625, 0.25, 0.625, 0.25, -0.0625};
       else
         share = {0.25, 0.5, 0.25};
+      keep_linear(share, places, at, k, body.mean_spacing());
     }
     std::vector<Entry> row;
     const auto reach = static_cast<std::ptrdiff_t>(share.size() / 2);
@@ -202,29 +240,65 @@ ContourLine contour_line(const Body& body, std::span<const Side> sides) {
   return line;
 }
 
-Transfer contour_transfer(const Body& body, const ContourLine& line) {
-  const std::size_t n = line.size();
-  std::vector<Place> places;
-  for (std::size_t k = 0; k < n; ++k) {
-    Place place{.x = line.position[2 * k], .y = line.position[2 * k + 1], .held = line.held[k]};
-    const bool has_both = line.closed || (k > 0 && k + 1 < n);
-    const std::size_t before = has_both ? (k + n - 1) % n : (k == 0 ? k : k - 1);
-    const std::size_t after = has_both ? (k + 1) % n : (k == 0 ? k + 1 : k);
-    const double x0 = place.x - line.position[2 * before], y0 = place.y - line.position[2 * before + 1];
-    const double x1 = line.position[2 * after] - place.x, y1 = line.position[2 * after + 1] - place.y;
-    const double length = std::hypot(x0 + x1, y0 + y1);
-    place.tangent = {(x0 + x1) / length, (y0 + y1) / length};
-    // At a corner there is no one tangent; nor does a line end there have particles on both sides, unless
-    // periodic.
-    const bool corner = std::abs(x0 * y1 - y0 * x1) > 1e-9 * length * length;
-    const bool end = !has_both && !body.box.periodic;
-    place.curvature = corner || end ? Curvature::none : Curvature::tangential;
-    places.push_back(place);
+std::vector<ContourLine> free_contours(const Body& body) {
+  std::vector<ContourLine> lines;
+  const auto add = [&](ContourLine& line, std::uint32_t i) {
+    line.position.insert(line.position.end(), {body.position[2 * i], body.position[2 * i + 1]});
+    line.held.push_back(0);
+  };
+  for (const Outline& outline : body.outlines) {
+    const std::size_t n = outline.particle.size();
+    const auto dry = [&](std::size_t k) {
+      return body.fixed[outline.particle[k % n]] == 3 && body.fixed[outline.particle[(k + 1) % n]] == 3;
+    };
+    std::size_t start = n;
+    for (std::size_t k = 0; k < n; ++k)
+      if (!dry(k) && dry(k + n - 1)) start = k;
+    if (start == n) {
+      if (dry(0)) continue;
+      ContourLine line;
+      line.closed = true;
+      for (const std::uint32_t i : outline.particle) add(line, i);
+      lines.push_back(std::move(line));
+      continue;
+    }
+    ContourLine line;
+    for (std::size_t k = start; k < start + n; ++k) {
+      if (dry(k)) continue;
+      if (line.position.empty()) add(line, outline.particle[k % n]);
+      add(line, outline.particle[(k + 1) % n]);
+      if (dry(k + 1)) lines.push_back(std::exchange(line, {}));
+    }
   }
-  const Rows rows = point_rows(body, places);
-  return assemble(body.box.placement == Placement::on_contour
-                      ? without_sawtooth(rows, places, line.closed, body.box.periodic)
-                      : rows);
+  return lines;
+}
+
+Transfer contour_transfer(const Body& body, std::span<const ContourLine> lines) {
+  Rows rows;
+  for (const ContourLine& line : lines) {
+    const std::size_t n = line.size();
+    std::vector<Place> places;
+    for (std::size_t k = 0; k < n; ++k) {
+      Place place{.x = line.position[2 * k], .y = line.position[2 * k + 1], .held = line.held[k]};
+      const bool has_both = line.closed || (k > 0 && k + 1 < n);
+      const std::size_t before = has_both ? (k + n - 1) % n : (k == 0 ? k : k - 1);
+      const std::size_t after = has_both ? (k + 1) % n : (k == 0 ? k + 1 : k);
+      const double x0 = place.x - line.position[2 * before], y0 = place.y - line.position[2 * before + 1];
+      const double x1 = line.position[2 * after] - place.x, y1 = line.position[2 * after + 1] - place.y;
+      const double length = std::hypot(x0 + x1, y0 + y1);
+      place.tangent = {(x0 + x1) / length, (y0 + y1) / length};
+      // At a corner there is no one tangent; nor does a line end there have particles on both sides, unless
+      // periodic.
+      const bool corner = std::abs(std::atan2(x0 * y1 - y0 * x1, x0 * x1 + y0 * y1)) > std::numbers::pi / 9;
+      const bool end = !has_both && !body.box.periodic;
+      place.curvature = corner || end ? Curvature::none : Curvature::tangential;
+      places.push_back(place);
+    }
+    Rows own = point_rows(body, places);
+    if (body.box.placement == Placement::on_contour) own = without_sawtooth(body, own, places, line.closed);
+    rows.insert(rows.end(), own.begin(), own.end());
+  }
+  return assemble(rows);
 }
 
 Transfer point_transfer(const Body& body, std::span<const double> points) {

@@ -16,7 +16,7 @@
 
 namespace estuary::solid {
 
-/// An ordered line of nodes on the box, walked clockwise round it: the outside is on the left of each
+/// An ordered line of nodes on a contour, walked clockwise round the body: the outside is on the left of each
 /// segment.
 struct ContourLine {
   std::vector<double> position;    // [m], 2 per node
@@ -30,6 +30,8 @@ struct ContourLine {
 /// The line along the sides wished for, nodes about one particle spacing apart, corners included. Throws
 /// std::invalid_argument when the sides do not follow one another round the box.
 ContourLine contour_line(const Body& body, std::span<const Side> sides);
+/// Every outline of a body with particles on its contours, without the stretches held in both components.
+std::vector<ContourLine> free_contours(const Body& body);
 
 /// Weights of particles for a list of points, as compressed rows.
 struct Transfer {
@@ -42,7 +44,10 @@ struct Transfer {
 };
 
 /// Throws std::domain_error naming the point when the particles near it do not allow a linear fit.
-Transfer contour_transfer(const Body& body, const ContourLine& line);
+Transfer contour_transfer(const Body& body, std::span<const ContourLine> lines);
+inline Transfer contour_transfer(const Body& body, const ContourLine& line) {
+  return contour_transfer(body, {&line, 1});
+}
 /// For any points of the box, 2 numbers each.
 Transfer point_transfer(const Body& body, std::span<const double> points);
 

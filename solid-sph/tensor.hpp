@@ -87,6 +87,11 @@ struct Dual {
       r.derivative[i] = (a.derivative[i] - r.value * b.derivative[i]) / b.value;
     return r;
   }
+  friend Dual exp(const Dual& a) {
+    Dual r(std::exp(a.value));
+    for (std::size_t i = 0; i < 4; ++i) r.derivative[i] = a.derivative[i] * r.value;
+    return r;
+  }
   friend Dual log(const Dual& a) {
     Dual r(std::log(a.value));
     for (std::size_t i = 0; i < 4; ++i) r.derivative[i] = a.derivative[i] / a.value;

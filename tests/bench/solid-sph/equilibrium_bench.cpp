@@ -23,9 +23,12 @@ struct Fin {
     box.clamped[static_cast<std::size_t>(Side::bottom)] = true;
     body = fill(box, 920, 0.95, true);
     SolverOptions options;
-    options.constants = ElasticConstants::from(8e3, 0.3, Plane::strain);
-    options.order = Order::quadratic;
-    options.stabilisation_modulus = 0.05 * options.constants.wave_modulus();
+    options.materials.push_back({.constants = ElasticConstants::from(8e3, 0.3, Plane::strain),
+                                 .plane = Plane::strain,
+                                 .viscosity = {},
+                                 .plasticity = {}});
+    options.order = Order::linear;
+    options.stabilisation = 0.02;
     solver = make_solver(LawName::saint_venant_kirchhoff, body, options);
     const Side left = Side::left;
     const ContourLine line = contour_line(body, {&left, 1});

@@ -14,6 +14,7 @@ namespace estuary::solid::test {
 struct Material {
   double density = 1000, young = 1e6, poisson = 0.3;
   Plane plane = Plane::strain;
+  Plasticity plasticity{};
 };
 
 inline Box box_of(double length, double height, double spacing) {
@@ -29,6 +30,7 @@ struct Case {
   LawName law = LawName::saint_venant_kirchhoff;
   double viscosity_linear = 0, viscosity_quadratic = 0;
   double smoothing_ratio = 0.95;
+  Kernel kernel = Kernel::cubic_spline;
 };
 
 struct Assembled {
@@ -41,15 +43,20 @@ inline std::unique_ptr<Assembled> assemble(const Box& box, const Material& mater
   auto result = std::make_unique<Assembled>();
   result->body = fill(box, material.density, options.smoothing_ratio, options.order == Order::quadratic);
   SolverOptions solver;
-  solver.constants = ElasticConstants::from(material.young, material.poisson, material.plane);
+  solid::Material made{.constants = ElasticConstants::from(material.young, material.poisson, material.plane),
+                       .plane = material.plane,
+                       .viscosity = {},
+                       .plasticity = material.plasticity};
+  result->wave_speed = std::sqrt(made.constants.wave_modulus() / material.density);
+  made.viscosity = {.linear = options.viscosity_linear,
+                    .quadratic = options.viscosity_quadratic,
+                    .sound_speed = result->wave_speed,
+                    .smoothing_length = result->body.smoothing_length,
+                    .density = material.density};
+  solver.materials.push_back(made);
   solver.order = options.order;
-  solver.stabilisation_modulus = options.stabilisation * solver.constants.wave_modulus();
-  result->wave_speed = std::sqrt(solver.constants.wave_modulus() / material.density);
-  solver.viscosity = {.linear = options.viscosity_linear,
-                      .quadratic = options.viscosity_quadratic,
-                      .sound_speed = result->wave_speed,
-                      .smoothing_length = result->body.smoothing_length,
-                      .density = material.density};
+  solver.kernel = options.kernel;
+  solver.stabilisation = options.stabilisation;
   result->solver = make_solver(options.law, result->body, solver);
   return result;
 }

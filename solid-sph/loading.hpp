@@ -1,0 +1,73 @@
+// What acts on a body from outside: loads on particles, tractions, pressures that follow the surface,
+// prescribed motion.
+#pragma once
+
+#include <array>
+#include <cstdint>
+#include <functional>
+#include <span>
+#include <vector>
+
+#include "particles.hpp"
+
+namespace estuary::solid {
+
+/// Forces on some particles, changing linearly over a window and scaled by a factor of time.
+struct ParticleLoad {
+  std::vector<std::uint32_t> particle;
+  std::vector<double> start, end;        // [N/m], 2 per listed particle
+  std::function<double(double)> factor;  // of the time [s]; empty means 1
+};
+
+/// Force per reference length of a contour, constant in direction when the contour turns.
+struct TractionLoad {
+  std::vector<std::uint32_t> particle;
+  std::vector<double> length;  // of the contour a particle stands for [m]
+  std::function<std::array<double, 2>(double, double, double)> traction;  // of reference x, y and t [Pa]
+};
+
+/// Pressure on the current contour, along its current normal.
+struct PressureLoad {
+  std::vector<std::array<std::uint32_t, 2>> segment;       // the outside on the left of each
+  std::function<double(double, double, double)> pressure;  // of reference x, y and t [Pa]
+};
+
+/// Displacement of one component of some particles; the body must hold that component (Body::fixed).
+struct PrescribedMotion {
+  std::vector<std::uint32_t> particle;
+  std::size_t component = 0;
+  std::function<double(double, double, double)> displacement;  // of reference x, y and t [m]
+};
+
+struct Loading {
+  std::vector<ParticleLoad> loads;
+  std::vector<TractionLoad> tractions;
+  std::vector<PressureLoad> pressures;
+  std::vector<PrescribedMotion> prescribed;
+  std::array<double, 2> gravity{};  // [m/s2]
+  std::array<bool, 2> held{};       // components of the displacement that stay zero, in `advance` only
+};
+
+/// The sum of all loads (without gravity) on the particles they touch, step by step, and the work they do.
+class ExternalForces {
+public:
+  ExternalForces(const Body& body, const Loading& loading);
+
+  /// Forces at `time`, `fraction` of the window gone.
+  void set(double fraction, double time, std::span<const double> displacement);
+  /// Adds the forces last set to `force`.
+  void add_to(std::vector<double>& force) const;
+  /// Trapezoidal work between the last two calls of `set`.
+  [[nodiscard]] double work() const { return work_; }
+
+private:
+  const Body& body_;
+  const Loading& loading_;
+  std::vector<std::uint32_t> touched_;
+  std::vector<std::uint32_t> place_;  // of every particle in `touched_`
+  std::vector<double> force_, last_force_, last_displacement_;
+  double work_ = 0;
+  bool started_ = false;
+};
+
+}  // namespace estuary::solid

@@ -1,0 +1,241 @@
+#include "scene_body.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <stdexcept>
+
+#include "surface_transfer.hpp"
+
+namespace estuary::solid {
+namespace {
+
+Body from_points(const BodyScene& scene, double spacing, double smoothing_ratio) {
+  Body body;
+  body.spacing = {spacing, spacing};
+  body.smoothing_length = smoothing_ratio * spacing;
+  for (std::size_t k = 0; k + 2 < scene.points.size(); k += 3) {
+    body.position.insert(body.position.end(), {scene.points[k], scene.points[k + 1]});
+    body.volume.push_back(scene.points[k + 2]);
+    body.mass.push_back(scene.material.density * scene.points[k + 2]);
+  }
+  body.energy_volume = body.volume;
+  body.fixed.assign(body.size(), 0);
+  body.edge.assign(body.size(), 0);
+  body.member.assign(body.size(), 0);
+  return body;
+}
+
+Body single(const SolidScene& scene, const BodyScene& body) {
+  switch (body.shape) {
+    case Shape::box:
+      return fill(body.box, body.material.density, scene.smoothing_ratio,
+                  scene.order == Order::quadratic && scene.placement == Placement::cell_centres);
+    case Shape::points:
+      return from_points(body, scene.spacing, scene.smoothing_ratio);
+    case Shape::disc:
+    case Shape::polygon:
+      break;
+  }
+  try {
+    return fill_outline(body.outline(scene.spacing), {.spacing = scene.spacing,
+                                                      .density = body.material.density,
+                                                      .smoothing_ratio = scene.smoothing_ratio});
+  } catch (const std::invalid_argument& error) {
+    throw std::invalid_argument("body \"" + body.name + "\": " + error.what());
+  }
+}
+
+class Selection {
+public:
+  Selection(const SolidScene& scene, const Body& body, const Place& place)
+      : body_(body), place_(place), slip_(1e-6 * scene.spacing) {
+    if (!place.side) return;
+    const Box& box = scene.bodies[place.body].box;
+    const double x0 = box.from[0], x1 = box.to[0], y0 = box.from[1], y1 = box.to[1];
+    switch (*place.side) {
+      case Side::left:
+        place_.stretch = {x0, y0, x0, y1};
+        break;
+      case Side::right:
+        place_.stretch = {x1, y0, x1, y1};
+        break;
+      case Side::top:
+        place_.stretch = {x0, y1, x1, y1};
+        break;
+      case Side::bottom:
+        place_.stretch = {x0, y0, x1, y0};
+        break;
+    }
+  }
+  [[nodiscard]] bool holds(std::size_t i) const {
+    if (body_.member[i] != place_.body) return false;
+    const double x = body_.position[2 * i], y = body_.position[2 * i + 1];
+    if (place_.stretch) {
+      const auto [x0, y0, x1, y1] = *place_.stretch;
+      const double length = std::hypot(x1 - x0, y1 - y0);
+      const double along = ((x - x0) * (x1 - x0) + (y - y0) * (y1 - y0)) / length;
+      const double across = ((x - x0) * (y1 - y0) - (y - y0) * (x1 - x0)) / length;
+      return std::abs(across) <= slip_ && along >= -slip_ && along <= length + slip_;
+    }
+    if (place_.region) {
+      const auto [x0, y0, x1, y1] = *place_.region;
+      return x >= x0 - slip_ && x <= x1 + slip_ && y >= y0 - slip_ && y <= y1 + slip_;
+    }
+    return true;
+  }
+  /// Segments of the body's contours both of whose ends are selected.
+  [[nodiscard]] std::vector<std::array<std::uint32_t, 2>> segments() const {
+    std::vector<std::array<std::uint32_t, 2>> result;
+    for (std::size_t o = 0; o < body_.outlines.size(); ++o) {
+      if (body_.outline_member[o] != place_.body) continue;
+      const auto& particle = body_.outlines[o].particle;
+      for (std::size_t k = 0; k < particle.size(); ++k) {
+        const std::uint32_t a = particle[k], b = particle[(k + 1) % particle.size()];
+        if (holds(a) && holds(b)) result.push_back({a, b});
+      }
+    }
+    return result;
+  }
+
+private:
+  const Body& body_;
+  Place place_;
+  double slip_;
+};
+
+// Reference length of the contour each particle stands for.
+void share_lengths(const Body& body, const std::vector<std::array<std::uint32_t, 2>>& segments,
+                   std::vector<std::uint32_t>& particles, std::vector<double>& lengths) {
+  for (const auto& [a, b] : segments) {
+    const double length = std::hypot(body.position[2 * b] - body.position[2 * a],
+                                     body.position[2 * b + 1] - body.position[2 * a + 1]);
+    for (const std::uint32_t end : {a, b}) {
+      const auto found = std::find(particles.begin(), particles.end(), end);
+      if (found != particles.end()) {
+        lengths[static_cast<std::size_t>(found - particles.begin())] += 0.5 * length;
+      } else {
+        particles.push_back(end);
+        lengths.push_back(0.5 * length);
+      }
+    }
+  }
+}
+
+}  // namespace
+
+Body build_body(const SolidScene& scene) {
+  Body body = single(scene, scene.bodies.front());
+  if (scene.bodies.size() > 1) {
+    // From here on one list of particles; sides, spacings and columns of the first box mean nothing for the
+    // others.
+    const double spacing = scene.spacing;
+    body.box = {};
+    body.columns = {};
+    body.spacing = {spacing, spacing};
+    body.smoothing_length = scene.smoothing_ratio * spacing;
+    for (std::size_t k = 1; k < scene.bodies.size(); ++k) append(body, single(scene, scene.bodies[k]));
+  }
+  for (std::size_t h = 0; h < scene.holds.size(); ++h) {
+    const HoldScene& hold = scene.holds[h];
+    const Selection selection(scene, body, hold.place);
+    std::size_t count = 0;
+    for (std::size_t i = 0; i < body.size(); ++i)
+      if (selection.holds(i)) {
+        ++count;
+        for (std::size_t c = 0; c < 2; ++c)
+          if (hold.component[c]) body.fixed[i] = static_cast<std::uint8_t>(body.fixed[i] | (c == 0 ? 1 : 2));
+      }
+    if (count == 0)
+      throw std::invalid_argument("[[solid.hold]] number " + std::to_string(h + 1) + " meets no particle");
+  }
+  return body;
+}
+
+void set_velocities(const SolidScene& scene, const Body& body, State& state) {
+  for (std::size_t k = 0; k < scene.bodies.size(); ++k)
+    for (std::size_t c = 0; c < 2; ++c) {
+      if (scene.bodies[k].velocity[c].empty()) continue;
+      const Expression velocity(scene.bodies[k].velocity[c]);
+      for (std::size_t i = 0; i < body.size(); ++i)
+        if (body.member[i] == k && !body.holds(i, c) && !scene.held[c])
+          state.velocity[2 * i + c] = velocity(body.position[2 * i], body.position[2 * i + 1], 0, 0);
+    }
+}
+
+Loading build_loading(const SolidScene& scene, const Body& body,
+                      std::vector<std::unique_ptr<Expression>>& expressions) {
+  Loading loading;
+  loading.gravity = scene.gravity;
+  loading.held = scene.held;
+  const auto keep = [&](const std::string& text) {
+    expressions.push_back(std::make_unique<Expression>(text.empty() ? "0" : text));
+    return expressions.back().get();
+  };
+  for (const HoldScene& hold : scene.holds)
+    for (std::size_t c = 0; c < 2; ++c) {
+      if (!hold.component[c] || hold.displacement[c].empty()) continue;
+      const Selection selection(scene, body, hold.place);
+      PrescribedMotion motion;
+      motion.component = c;
+      for (std::size_t i = 0; i < body.size(); ++i)
+        if (selection.holds(i)) motion.particle.push_back(static_cast<std::uint32_t>(i));
+      motion.displacement = [e = keep(hold.displacement[c])](double x, double y, double t) {
+        return (*e)(x, y, 0, t);
+      };
+      loading.prescribed.push_back(std::move(motion));
+    }
+  for (const LoadScene& scene_load : scene.loads) {
+    const auto scaled_by_ramp = [&](ParticleLoad& load) {
+      if (!scene_load.ramp.empty())
+        load.factor = [e = keep(scene_load.ramp)](double t) { return (*e)(0, 0, 0, t); };
+    };
+    if (body.outlines.empty()) {
+      const ContourLine line = contour_line(body, {&*scene_load.place.side, 1});
+      const Transfer transfer = contour_transfer(body, {&line, 1});
+      ParticleLoad load;
+      load.particle = transfer.touched;
+      spread(transfer, uniform_traction(line, scene_load.force[0], scene_load.force[1]), load.end);
+      load.start = load.end;
+      scaled_by_ramp(load);
+      loading.loads.push_back(std::move(load));
+      continue;
+    }
+    const auto segments = Selection(scene, body, scene_load.place).segments();
+    if (segments.empty()) throw std::invalid_argument("a [[solid.load]] meets no segment of a contour");
+    if (!scene_load.pressure.empty()) {
+      PressureLoad load;
+      load.segment = segments;
+      load.pressure = [e = keep(scene_load.pressure)](double x, double y, double t) {
+        return (*e)(x, y, 0, t);
+      };
+      loading.pressures.push_back(std::move(load));
+      continue;
+    }
+    std::vector<std::uint32_t> particles;
+    std::vector<double> lengths;
+    share_lengths(body, segments, particles, lengths);
+    if (!scene_load.traction[0].empty() || !scene_load.traction[1].empty()) {
+      TractionLoad load;
+      load.particle = particles;
+      load.length = lengths;
+      load.traction = [ex = keep(scene_load.traction[0]), ey = keep(scene_load.traction[1])](
+                          double x, double y, double t) {
+        return std::array<double, 2>{(*ex)(x, y, 0, t), (*ey)(x, y, 0, t)};
+      };
+      loading.tractions.push_back(std::move(load));
+      continue;
+    }
+    double total = 0;
+    for (const double length : lengths) total += length;
+    ParticleLoad load;
+    load.particle = particles;
+    for (const double length : lengths)
+      for (std::size_t c = 0; c < 2; ++c) load.end.push_back(scene_load.force[c] * length / total);
+    load.start = load.end;
+    scaled_by_ramp(load);
+    loading.loads.push_back(std::move(load));
+  }
+  return loading;
+}
+
+}  // namespace estuary::solid
