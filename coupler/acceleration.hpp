@@ -2,14 +2,19 @@
 // next iterate. Pure objects: no participant, no file, no clock; safe on zero residuals.
 #pragma once
 
-#include <deque>
 #include <memory>
 #include <span>
 #include <vector>
 
 namespace estuary::coupler {
 
-enum class AccelerationKind;
+enum class AccelerationKind { none, constant, aitken, iqn_ils, iqn_imvj };
+
+/// When a column of the quasi-Newton methods counts as dependent on newer ones; `limit` is the threshold.
+///   qr1  its independent part is below limit times the norm of the whole triangular factor
+///   qr2  its independent part is below limit times the column itself (Haelterman et al. 2016)
+///   qr3  qr2, once qr1 finds a column to drop
+enum class ColumnFilter { none, qr1, qr2, qr3 };
 
 class Acceleration {
 public:
@@ -24,6 +29,8 @@ public:
   virtual void update(std::span<const double> residual, std::span<double> iterate) = 0;
   /// A new window begins: forget what holds for one window only.
   virtual void begin_window() {}
+  /// Forget everything but the settings: what was learnt led astray.
+  virtual void forget() = 0;
   /// The factor applied to the last residual, for the log.
   [[nodiscard]] virtual double relaxation() const = 0;
 };
@@ -33,6 +40,7 @@ class ConstantRelaxation final : public Acceleration {
 public:
   explicit ConstantRelaxation(double omega) : omega_(omega) {}
   void update(std::span<const double> residual, std::span<double> iterate) override;
+  void forget() override {}
   [[nodiscard]] double relaxation() const override { return omega_; }
 
 private:
@@ -49,6 +57,7 @@ public:
   explicit AitkenRelaxation(double initial, double largest = 2.0);
   void update(std::span<const double> residual, std::span<double> iterate) override;
   void begin_window() override;
+  void forget() override;
   [[nodiscard]] double relaxation() const override { return omega_; }
 
 private:
@@ -58,40 +67,14 @@ private:
   std::vector<double> last_residual_;  // empty at a window's start
 };
 
-/// Interface quasi-Newton method with the inverse Jacobian from a least-squares problem (Degroote, Bathe &
-/// Vierendeels 2009): x <- x + r + W c, where c minimises |V c + r| and the columns of V and W are the
-/// differences of residuals and of answers H(x) between iterations, newest first. Columns of the last
-/// `windows_reused` windows are kept. A column whose part independent of the newer ones is smaller than
-/// `filter_limit` times itself is dropped (QR2 filter, Haelterman et al. 2016). Without a column the residual
-/// is relaxed by `initial`.
-class InterfaceQuasiNewton final : public Acceleration {
-public:
-  InterfaceQuasiNewton(double initial, std::size_t windows_reused, std::size_t most_columns = 100,
-                       double filter_limit = 1e-2);
-  void update(std::span<const double> residual, std::span<double> iterate) override;
-  void begin_window() override;
-  /// The initial factor while there is no column, else 1: the step is a whole quasi-Newton step.
-  [[nodiscard]] double relaxation() const override { return factor_; }
-  [[nodiscard]] std::size_t columns() const { return residual_changes_.size(); }
-
-private:
-  double initial_;
-  double factor_;
-  std::size_t windows_reused_;
-  std::size_t most_columns_;
-  double filter_limit_;
-  // Newest first.
-  std::deque<std::vector<double>> residual_changes_;
-  std::deque<std::vector<double>> answer_changes_;
-  std::deque<std::size_t> columns_of_window_;  // this window's first
-  std::vector<double> last_residual_;
-  std::vector<double> last_answer_;
-};
-
 struct AccelerationSettings {
   AccelerationKind kind;
   double relaxation = 0.5;
   std::size_t windows_reused = 0;
+  std::size_t most_columns = 100;
+  ColumnFilter filter = ColumnFilter::qr2;
+  double filter_limit = 1e-2;
+  std::vector<std::size_t> fields;  // for the residual-sum preconditioner; empty without
 };
 std::unique_ptr<Acceleration> make_acceleration(const AccelerationSettings& settings);
 

@@ -66,6 +66,82 @@ void read_windows(SceneTable& coupling, CouplingScene& result) {
   }
 }
 
+// The value that belongs to the text chosen.
+template <typename Value, std::size_t count>
+Value pick(SceneTable& table, const char* key, const std::array<std::string_view, count>& names,
+           const std::array<Value, count>& values) {
+  const std::string chosen = table.choice(key, names);
+  const auto found = std::find(names.begin(), names.end(), chosen);
+  return found == names.end() ? values.front() : values[static_cast<std::size_t>(found - names.begin())];
+}
+
+void read_scheme(SceneTable& coupling, CouplingScene& result) {
+  constexpr std::array<std::string_view, 4> names = {"serial-implicit", "serial-explicit",
+                                                     "parallel-implicit", "parallel-explicit"};
+  result.scheme = pick(coupling, "scheme", names,
+                       std::array{Scheme::serial_implicit, Scheme::serial_explicit, Scheme::parallel_implicit,
+                                  Scheme::parallel_explicit});
+  if (!result.implicit() && result.mode == CouplingMode::steady) {
+    coupling.problem("scheme", "steady mode iterates to the common equilibrium and needs an implicit scheme");
+  }
+}
+
+void read_acceleration(SceneTable& coupling, CouplingScene& result) {
+  constexpr std::array<std::string_view, 5> names = {"aitken", "constant", "iqn-ils", "iqn-imvj", "none"};
+  result.acceleration =
+      pick(coupling, "acceleration", names,
+           std::array{AccelerationKind::aitken, AccelerationKind::constant, AccelerationKind::iqn_ils,
+                      AccelerationKind::iqn_imvj, AccelerationKind::none});
+  result.relaxation = coupling.number_or("relaxation", 0.5, {.minimum = 1e-6, .maximum = 2.0});
+  result.windows_reused = static_cast<int>(coupling.integer_or("time_windows_reused", 8, 0, 1000));
+  result.max_used_columns = static_cast<int>(coupling.integer_or("max_used_iterations", 100, 1, 1000));
+  constexpr std::array<std::string_view, 4> filters = {"qr2", "qr1", "qr3", "none"};
+  result.filter =
+      pick(coupling, "filter", filters,
+           std::array{ColumnFilter::qr2, ColumnFilter::qr1, ColumnFilter::qr3, ColumnFilter::none});
+  result.filter_limit = coupling.number_or("filter_limit", 1e-2, {.minimum = 1e-6, .maximum = 0.9});
+  // In a serial scheme displacement and velocity alone are accelerated, in one unit.
+  constexpr std::array<std::string_view, 2> preconditioners = {"none", "residual-sum"};
+  result.residual_sum = coupling.has("preconditioner")
+                            ? coupling.choice("preconditioner", preconditioners) == "residual-sum"
+                            : result.parallel();
+}
+
+void read_measures(SceneTable& coupling, CouplingScene& result) {
+  constexpr Range limits{.minimum = 1e-14, .maximum = 1.0};
+  const double tolerance = coupling.number_or("tolerance", 1e-4, limits);
+  const double velocity_tolerance =
+      coupling.number_or("velocity_tolerance", std::min(1.0, 10 * tolerance), limits);
+  result.measures = {{Field::displacement, MeasureKind::relative, tolerance}};
+  if (result.mode == CouplingMode::transient)
+    result.measures.push_back({Field::velocity, MeasureKind::relative, velocity_tolerance});
+  if (coupling.has("force_tolerance")) {
+    result.measures.push_back(
+        {Field::force, MeasureKind::relative, coupling.number("force_tolerance", limits)});
+  }
+  const auto tables = coupling.tables("convergence");
+  if (tables.empty()) return;
+  result.measures.clear();
+  for (const auto* key : {"tolerance", "velocity_tolerance", "force_tolerance"}) {
+    if (coupling.has(key))
+      coupling.problem(key, "give either this or [[coupling.convergence]] tables, not both");
+  }
+  for (SceneTable table : tables) {
+    Measure measure;
+    constexpr std::array<std::string_view, 3> fields = {"displacement", "velocity", "force"};
+    measure.field =
+        pick(table, "field", fields, std::array{Field::displacement, Field::velocity, Field::force});
+    if (measure.field == Field::velocity && result.mode == CouplingMode::steady)
+      table.problem("field", "nothing moves in steady mode");
+    constexpr std::array<std::string_view, 3> kinds = {"relative", "absolute", "residual-relative"};
+    measure.kind =
+        pick(table, "measure", kinds,
+             std::array{MeasureKind::relative, MeasureKind::absolute, MeasureKind::residual_relative});
+    measure.limit = table.number("limit", Range::positive());
+    result.measures.push_back(measure);
+  }
+}
+
 void read_coupling(SceneTable coupling, CouplingScene& result) {
   constexpr std::array<std::string_view, 2> modes = {"steady", "transient"};
   result.mode =
@@ -78,33 +154,20 @@ void read_coupling(SceneTable coupling, CouplingScene& result) {
     }
     coupling.leave_to_others({"window", "end_time"});
   }
-  constexpr std::array<std::string_view, 2> schemes = {"serial-implicit", "serial-explicit"};
-  result.scheme = coupling.choice("scheme", schemes) == "serial-explicit" ? Scheme::serial_explicit
-                                                                          : Scheme::serial_implicit;
-  if (result.scheme == Scheme::serial_explicit && result.mode == CouplingMode::steady) {
-    coupling.problem("scheme",
-                     "steady mode iterates to the common equilibrium and needs \"serial-implicit\"");
-  }
-  constexpr std::array<std::string_view, 4> accelerations = {"aitken", "constant", "iqn-ils", "none"};
-  const std::string acceleration = coupling.choice("acceleration", accelerations);
-  result.acceleration = acceleration == "none"       ? AccelerationKind::none
-                        : acceleration == "constant" ? AccelerationKind::constant
-                        : acceleration == "iqn-ils"  ? AccelerationKind::iqn_ils
-                                                     : AccelerationKind::aitken;
-  constexpr std::array<std::string_view, 2> predictors = {"linear", "none"};
-  result.predictor = coupling.choice("predictor", predictors) == "none" ? Predictor::none : Predictor::linear;
-  result.relaxation = coupling.number_or("relaxation", 0.5, {.minimum = 1e-6, .maximum = 2.0});
-  result.windows_reused = static_cast<int>(coupling.integer_or("time_windows_reused", 8, 0, 1000));
-  result.tolerance = coupling.number_or("tolerance", 1e-4, {.minimum = 1e-14, .maximum = 1.0});
-  result.velocity_tolerance = coupling.number_or("velocity_tolerance", std::min(1.0, 10 * result.tolerance),
-                                                 {.minimum = 1e-14, .maximum = 1.0});
-  if (coupling.has("force_tolerance")) {
-    result.force_tolerance = coupling.number("force_tolerance", {.minimum = 1e-14, .maximum = 1.0});
-  }
+  read_scheme(coupling, result);
+  read_acceleration(coupling, result);
+  read_measures(coupling, result);
+  constexpr std::array<std::string_view, 3> predictors = {"linear", "none", "quadratic"};
+  result.predictor = pick(coupling, "predictor", predictors,
+                          std::array{Predictor::linear, Predictor::none, Predictor::quadratic});
+  result.min_iterations = static_cast<int>(coupling.integer_or("min_iterations", 1, 1, 100000));
   result.max_iterations = static_cast<int>(coupling.integer_or("max_iterations", 50, 1, 100000));
+  if (result.min_iterations > result.max_iterations)
+    coupling.problem("min_iterations", "is larger than `max_iterations`");
   constexpr std::array<std::string_view, 2> ends = {"fail", "go-on"};
   result.at_maximum =
-      coupling.choice("at_max_iterations", ends) == "fail" ? AtMaximum::fail : AtMaximum::go_on;
+      pick(coupling, "at_max_iterations", ends, std::array{AtMaximum::fail, AtMaximum::go_on});
+  result.recover = coupling.boolean_or("recover", true);
   result.connect_timeout = coupling.number_or("connect_timeout", 30.0, {.minimum = 0.1, .maximum = 86400});
   result.stall_timeout = coupling.number_or("stall_timeout", 300.0, {.minimum = 1.0, .maximum = 1e7});
 }
@@ -208,8 +271,6 @@ CouplingScene read_coupling_scene(Scene& scene) {
     if (result.mode == CouplingMode::steady)
       root.table("coupling")
           .problem("mode", "grains move in time: use \"transient\" with `window` and `end_time`");
-    if (result.find("solid") != nullptr)
-      root.table("grains").problem("", "grains are coupled with a fluid, or run alone; not yet with a solid");
   }
   if (auto output = root.table_if("output")) {
     result.frames = output->boolean_or("frames", true);

@@ -6,15 +6,20 @@
 #include <string>
 #include <vector>
 
+#include "acceleration.hpp"
 #include "scene.hpp"
 
 namespace estuary::coupler {
 
 enum class CouplingMode { steady, transient };
-enum class Scheme { serial_explicit, serial_implicit };
-enum class AccelerationKind { none, constant, aitken, iqn_ils };
+/// Serial: the fluid first, then the grains, then the solid, each with what came before it. Parallel: all at
+/// once, each with what the others answered last. Explicit: once per window; implicit: until they agree.
+enum class Scheme { serial_explicit, parallel_explicit, serial_implicit, parallel_implicit };
 enum class AtMaximum { fail, go_on };
-enum class Predictor { none, linear };
+enum class Predictor { none, linear, quadratic };
+/// What a convergence measure looks at, and how.
+enum class Field { displacement, velocity, force };
+enum class MeasureKind { relative, absolute, residual_relative };
 
 /// One participant's launch. Either `command` (words, run on this machine) or `endpoint` (already running).
 struct ParticipantScene {
@@ -22,6 +27,16 @@ struct ParticipantScene {
   std::vector<std::string> command;
   std::string endpoint;
   int threads = 0;  // 0: all cores
+};
+
+/// The iteration stops when every measure is below its limit. With the increment i = H(x) - x of the field:
+///   relative           |i| < limit |H(x)|
+///   absolute           |i| < limit                  [m, m/s, N/m]
+///   residual-relative  |i| < limit |i of the window's first iteration|
+struct Measure {
+  Field field = Field::displacement;
+  MeasureKind kind = MeasureKind::relative;
+  double limit = 1e-4;
 };
 
 struct WatchScene {
@@ -54,11 +69,15 @@ struct CouplingScene {
   Predictor predictor = Predictor::linear;
   AtMaximum at_maximum = AtMaximum::fail;
   double relaxation = 0.5;
-  int windows_reused = 8;                 // iqn-ils: windows whose columns are kept
-  double tolerance = 1e-4;                // relative L2 norm of the displacement increment
-  double velocity_tolerance = 1e-3;       // the same for the velocity, in transient mode
-  std::optional<double> force_tolerance;  // the same for the nodal forces
+  int windows_reused = 8;                   // quasi-Newton: windows whose columns are kept
+  int max_used_columns = 100;               // quasi-Newton
+  ColumnFilter filter = ColumnFilter::qr2;  // quasi-Newton
+  double filter_limit = 1e-2;               // quasi-Newton
+  bool residual_sum = false;                // quasi-Newton: fields are scaled by their share of the residual
+  std::vector<Measure> measures;
+  int min_iterations = 1;
   int max_iterations = 50;
+  bool recover = true;  // try again with care before giving up
   double window = 0;    // [s]; 0 in steady mode
   double end_time = 0;  // [s]
   std::uint64_t windows = 1;
@@ -72,6 +91,12 @@ struct CouplingScene {
   std::vector<CheckScene> checks;
 
   [[nodiscard]] const ParticipantScene* find(std::string_view role) const;
+  [[nodiscard]] bool implicit() const {
+    return scheme == Scheme::serial_implicit || scheme == Scheme::parallel_implicit;
+  }
+  [[nodiscard]] bool parallel() const {
+    return scheme == Scheme::parallel_explicit || scheme == Scheme::parallel_implicit;
+  }
 };
 
 /// Reads everything that is not inside a participant's own table and refuses unknown keys there. Problems are

@@ -16,12 +16,18 @@ enum class ExitStatus : int {
   interrupted = 130
 };
 
-/// One line says who, when and what; `advice` what to try.
+/// One line says who, when and what; `advice` what to try. `curable`: everyone is well and the same window
+/// may succeed with smaller steps.
 struct RunFailure : std::runtime_error {
-  RunFailure(ExitStatus exit_status, const std::string& line, std::string advice_text = {})
-      : std::runtime_error(line), status(exit_status), advice(std::move(advice_text)) {}
+  RunFailure(ExitStatus exit_status, const std::string& line, std::string advice_text = {},
+             bool can_be_cured = false)
+      : std::runtime_error(line),
+        status(exit_status),
+        advice(std::move(advice_text)),
+        curable(can_be_cured) {}
   ExitStatus status;
   std::string advice;
+  bool curable;
 };
 
 }  // namespace estuary::coupler

@@ -133,10 +133,8 @@ RemoteParticipant* Participants::find(std::string_view role) {
   return found == all_.end() ? nullptr : found->get();
 }
 
-std::optional<v1::Reply> Participants::listen(RemoteParticipant& participant, std::uint64_t sequence,
-                                              std::chrono::milliseconds timeout) {
-  while (auto reply = participant.channel_.receive(timeout)) {
-    timeout = std::chrono::milliseconds(0);
+void Participants::listen(RemoteParticipant& participant) {
+  while (auto reply = participant.channel_.receive(std::chrono::milliseconds(0))) {
     const auto now = steady_clock::now();
     participant.last_heard_ = now;
     if (reply->has_progress()) {
@@ -148,10 +146,12 @@ std::optional<v1::Reply> Participants::listen(RemoteParticipant& participant, st
       throw ChannelError(fmt::format("speaks protocol version {}, this coupler {}",
                                      reply->header().protocol_version(), protocol_version));
     }
-    if (sequence != 0 && reply->header().sequence() == sequence) return reply;
-    // The repeated answer to a repeated question: already known.
+    // Any other is the repeated answer to a repeated question: already known.
+    if (participant.awaited_ == 0 || reply->header().sequence() != participant.awaited_) continue;
+    participant.arrived_ = std::move(reply);
+    participant.arrived_at_ = now;
+    participant.awaited_ = 0;
   }
-  return std::nullopt;
 }
 
 void Participants::check_alive(RemoteParticipant& participant, const RemoteParticipant& asked,
@@ -173,80 +173,122 @@ void Participants::check_alive(RemoteParticipant& participant, const RemoteParti
 }
 
 v1::Reply Participants::ask(RemoteParticipant& participant, v1::Request request, const Position& position) {
-  auto* header = request.mutable_header();
-  header->set_protocol_version(protocol_version);
-  header->set_run_id(run_id_);
-  header->set_window(position.window);
-  header->set_iteration(position.iteration);
-  header->set_sequence(++participant.sequence_);
-  const char* phase = phase_name(request);
-  const bool greeting = request.has_hello();
+  std::vector<Question> questions;
+  questions.push_back({&participant, std::move(request)});
+  return std::move(ask_all(std::move(questions), position).front());
+}
 
+// Throws when a participant has had time enough.
+void Participants::check_patience(RemoteParticipant& participant, const v1::Request& request,
+                                  const Position& position, double waited) const {
+  if (request.has_hello()) {
+    if (waited <= scene_.connect_timeout) return;
+    throw RunFailure(ExitStatus::participant_lost,
+                     fmt::format("participant '{}' did not answer at {} within {} s", participant.role(),
+                                 participant.channel_.endpoint(), scene_.connect_timeout),
+                     "start it, check the address, or raise coupling.connect_timeout");
+  }
+  if (seconds_since(participant.last_progress_) <= scene_.stall_timeout) return;
+  throw RunFailure(
+      ExitStatus::participant_lost,
+      fmt::format("participant '{}' made no progress for {:.0f} s at {}, in phase {}", participant.role(),
+                  seconds_since(participant.last_progress_), at(position), phase_name(request)),
+      "raise coupling.stall_timeout if it is only slow");
+}
+
+v1::Reply Participants::take_reply(RemoteParticipant& participant, const v1::Request& request,
+                                   const Position& position, steady_clock::time_point asked) {
+  v1::Reply reply = std::move(*participant.arrived_);
+  participant.arrived_.reset();
+  if (!request.has_hello()) {
+    const double waited = std::chrono::duration<double>(participant.arrived_at_ - asked).count();
+    participant.usage_.wall_s += waited;
+    participant.usage_.exchange_s += std::max(0.0, waited - reply.compute_s());
+  }
+  if (reply.has_error()) {
+    const auto& error = reply.error();
+    throw RunFailure(
+        status_of(error.kind()),
+        fmt::format("participant '{}' at {}, in phase {}{}: {}", participant.role(), at(position),
+                    phase_name(request),
+                    error.field().empty() ? "" : fmt::format(", field {}", error.field()), error.message()),
+        error.advice(), status_of(error.kind()) == ExitStatus::no_solution);
+  }
+  if (reply.has_advanced()) participant.work_ = reply.advanced().work();
+  return reply;
+}
+
+std::vector<v1::Reply> Participants::ask_all(std::vector<Question> questions, const Position& position) {
   const auto begin = steady_clock::now();
   auto next_look = begin + look_round;
-  auto asked_at = begin;
-  participant.last_progress_ = begin;
-  std::optional<v1::Reply> reply;
+  const RemoteParticipant* speaking = nullptr;  // whose channel is in use, for an error's line
+  std::vector<steady_clock::time_point> asked(questions.size(), begin);
+  std::vector<steady_clock::time_point> asked_again(questions.size(), begin);
   try {
-    participant.channel_.send(request);
+    for (std::size_t k = 0; k < questions.size(); ++k) {
+      auto& [participant, request] = questions[k];
+      speaking = participant;
+      auto* header = request.mutable_header();
+      header->set_protocol_version(protocol_version);
+      header->set_run_id(run_id_);
+      header->set_window(position.window);
+      header->set_iteration(position.iteration);
+      header->set_sequence(++participant->sequence_);
+      participant->awaited_ = participant->sequence_;
+      participant->arrived_.reset();
+      asked[k] = asked_again[k] = participant->last_progress_ = steady_clock::now();
+      participant->channel_.send(request);
+    }
     while (true) {
-      reply = listen(participant, header->sequence(), look_round);
-      if (reply) break;
+      std::vector<ClientChannel*> open;
+      for (auto& [participant, request] : questions) {
+        if (!participant->arrived_) open.push_back(&participant->channel_);
+      }
+      if (open.empty()) break;
+      ClientChannel::wait_for_any(open, look_round);
+      for (auto& [participant, request] : questions) {
+        speaking = participant;
+        listen(*participant);
+      }
       if (steady_clock::now() < next_look) continue;
       next_look = steady_clock::now() + look_round;
+      const auto waiting = std::find_if(questions.begin(), questions.end(), [](const Question& question) {
+        return !question.participant->arrived_;
+      });
+      if (waiting == questions.end()) break;
+      const char* phase = phase_name(waiting->request);
       if (interrupt_) {
-        throw RunFailure(ExitStatus::interrupted, fmt::format("interrupted at {}, while {} was in phase {}",
-                                                              at(position), participant.role(), phase));
+        throw RunFailure(ExitStatus::interrupted,
+                         fmt::format("interrupted at {}, while {} was in phase {}", at(position),
+                                     waiting->participant->role(), phase));
       }
       for (auto& other : all_) {
-        if (other.get() != &participant) (void)listen(*other, 0, std::chrono::milliseconds(0));
-        check_alive(*other, participant, phase, position);
+        speaking = other.get();
+        listen(*other);
+        check_alive(*other, *waiting->participant, phase, position);
       }
-      check_alive(participant, participant, phase, position);
-      const double waited = seconds_since(begin);
-      if (greeting && waited > scene_.connect_timeout) {
-        throw RunFailure(ExitStatus::participant_lost,
-                         fmt::format("participant '{}' did not answer at {} within {} s", participant.role(),
-                                     participant.channel_.endpoint(), scene_.connect_timeout),
-                         "start it, check the address, or raise coupling.connect_timeout");
+      for (std::size_t k = 0; k < questions.size(); ++k) {
+        auto& [participant, request] = questions[k];
+        if (participant->arrived_) continue;
+        speaking = participant;
+        check_patience(*participant, request, position, seconds_since(begin));
+        const bool reply_lost = participant->progress_.phase() == "idle" && participant->last_heard_ &&
+                                seconds_since(asked_again[k]) > ask_again_after;
+        if (!request.has_hello() && reply_lost) {
+          participant->channel_.send(request);
+          asked_again[k] = steady_clock::now();
+        }
       }
-      if (!greeting && seconds_since(participant.last_progress_) > scene_.stall_timeout) {
-        throw RunFailure(
-            ExitStatus::participant_lost,
-            fmt::format("participant '{}' made no progress for {:.0f} s at {}, in phase {}",
-                        participant.role(), seconds_since(participant.last_progress_), at(position), phase),
-            "raise coupling.stall_timeout if it is only slow");
-      }
-      const bool reply_lost = participant.progress_.phase() == "idle" && participant.last_heard_ &&
-                              seconds_since(asked_at) > ask_again_after;
-      if (!greeting && reply_lost) {
-        participant.channel_.send(request);
-        asked_at = steady_clock::now();
-      }
-      if (observer_) observer_(participant, phase, waited);
+      if (observer_) observer_(*waiting->participant, phase, seconds_since(begin));
     }
   } catch (const ChannelError& error) {
     throw RunFailure(ExitStatus::participant_lost,
-                     fmt::format("participant '{}' at {}, in phase {}: {}", participant.role(), at(position),
-                                 phase, error.what()));
+                     fmt::format("participant '{}' at {}: {}", speaking->role(), at(position), error.what()));
   }
-  if (!greeting) {
-    const double waited = seconds_since(begin);
-    participant.usage_.wall_s += waited;
-    participant.usage_.exchange_s += std::max(0.0, waited - reply->compute_s());
-  }
-  if (reply->has_error()) {
-    const auto& error = reply->error();
-    throw RunFailure(
-        status_of(error.kind()),
-        fmt::format("participant '{}' at {}, in phase {}{}: {}", participant.role(), at(position), phase,
-                    error.field().empty() ? "" : fmt::format(", field {}", error.field()), error.message()),
-        error.advice());
-  }
-  if (reply->has_advanced()) {
-    participant.work_ = reply->advanced().work();
-  }
-  return std::move(*reply);
+  std::vector<v1::Reply> replies;
+  for (std::size_t k = 0; k < questions.size(); ++k)
+    replies.push_back(take_reply(*questions[k].participant, questions[k].request, position, asked[k]));
+  return replies;
 }
 
 void Participants::stop(double seconds) {

@@ -53,6 +53,9 @@ private:
   v1::Progress progress_;
   Usage usage_;
   std::uint64_t sequence_ = 0;
+  std::uint64_t awaited_ = 0;         // sequence of the request under way; 0: none
+  std::optional<v1::Reply> arrived_;  // its reply
+  std::chrono::steady_clock::time_point arrived_at_{};
   std::optional<std::chrono::steady_clock::time_point> last_heard_;
   std::chrono::steady_clock::time_point last_progress_{};  // when its counter last grew
 };
@@ -76,6 +79,13 @@ public:
   /// participant (this or any other) and an interrupt become a RunFailure that names participant, phase,
   /// window and iteration.
   v1::Reply ask(RemoteParticipant& participant, v1::Request request, const Position& position);
+  /// The same for several participants, which then compute at the same time. Replies come in the order of the
+  /// questions.
+  struct Question {
+    RemoteParticipant* participant;
+    v1::Request request;
+  };
+  std::vector<v1::Reply> ask_all(std::vector<Question> questions, const Position& position);
 
   [[nodiscard]] RemoteParticipant* find(std::string_view role);
   [[nodiscard]] const std::vector<std::unique_ptr<RemoteParticipant>>& all() const { return all_; }
@@ -88,9 +98,12 @@ private:
   void launch(RemoteParticipant& participant, const std::string& endpoint,
               const std::filesystem::path& folder);
   void greet(RemoteParticipant& participant);
-  /// Reads what has arrived from `participant`; a reply to `sequence` is returned.
-  std::optional<v1::Reply> listen(RemoteParticipant& participant, std::uint64_t sequence,
-                                  std::chrono::milliseconds timeout);
+  /// Reads what has arrived from `participant` and keeps the reply it is asked for.
+  static void listen(RemoteParticipant& participant);
+  void check_patience(RemoteParticipant& participant, const v1::Request& request, const Position& position,
+                      double waited) const;
+  static v1::Reply take_reply(RemoteParticipant& participant, const v1::Request& request,
+                              const Position& position, std::chrono::steady_clock::time_point asked);
   void check_alive(RemoteParticipant& participant, const RemoteParticipant& asked, const char* phase,
                    const Position& position);
 

@@ -81,21 +81,52 @@ void note_left_out(CheckedScene& checked) {
   }
 }
 
+std::string measure_text(const Measure& measure) {
+  const char* symbol = measure.field == Field::displacement ? "d"
+                       : measure.field == Field::velocity   ? "v"
+                                                            : "f";
+  const std::string increment = fmt::format("|{0}_k - {0}_(k-1)| < {1:g}", symbol, measure.limit);
+  switch (measure.kind) {
+    case MeasureKind::relative:
+      return increment + fmt::format(" |{}_k|", symbol);
+    case MeasureKind::residual_relative:
+      return increment + fmt::format(" |{0}_1 - {0}_0|", symbol);
+    case MeasureKind::absolute:
+      break;
+  }
+  return increment;
+}
+
 std::string coupling_text(const CouplingScene& coupling) {
   std::string text = coupling.mode == CouplingMode::steady
                          ? std::string("steady: one common equilibrium")
                          : fmt::format("transient: {} windows of {:g} s to {:g} s", coupling.windows,
                                        coupling.window, coupling.end_time);
   if (coupling.participants.size() < 2) return text;
-  if (coupling.scheme == Scheme::serial_explicit) return text + ", serial-explicit";
-  const char* acceleration = coupling.acceleration == AccelerationKind::none       ? "no acceleration"
-                             : coupling.acceleration == AccelerationKind::constant ? "constant relaxation"
-                             : coupling.acceleration == AccelerationKind::iqn_ils  ? "IQN-ILS from"
-                                                                                   : "Aitken relaxation from";
-  text += fmt::format(", serial-implicit, {}", acceleration);
-  if (coupling.acceleration != AccelerationKind::none) text += fmt::format(" {:g}", coupling.relaxation);
-  return text + fmt::format(", until |d_k - d_(k-1)| < {:g} |d_k|, at most {} iterations", coupling.tolerance,
-                            coupling.max_iterations);
+  const bool agree = coupling.find("solid") != nullptr;
+  text += coupling.parallel() ? ", parallel" : ", serial";
+  if (!coupling.implicit() || !agree) return text + "-explicit";
+  text += "-implicit, ";
+  switch (coupling.acceleration) {
+    case AccelerationKind::none:
+      text += "no acceleration";
+      break;
+    case AccelerationKind::constant:
+      text += fmt::format("constant relaxation {:g}", coupling.relaxation);
+      break;
+    case AccelerationKind::aitken:
+      text += fmt::format("Aitken relaxation from {:g}", coupling.relaxation);
+      break;
+    case AccelerationKind::iqn_ils:
+      text += fmt::format("IQN-ILS from {:g}", coupling.relaxation);
+      break;
+    case AccelerationKind::iqn_imvj:
+      text += fmt::format("IQN-IMVJ from {:g}", coupling.relaxation);
+      break;
+  }
+  for (std::size_t k = 0; k < coupling.measures.size(); ++k)
+    text += (k == 0 ? ", until " : " and ") + measure_text(coupling.measures[k]);
+  return text + fmt::format(", at most {} iterations", coupling.max_iterations);
 }
 
 std::string bytes_text(double bytes) {

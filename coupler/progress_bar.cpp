@@ -51,9 +51,12 @@ double ProgressBar::fraction_done(double inside) const {
   }
   if (scene_.participants.size() == 1) return std::clamp(inside, 0.0, 1.0);
   // The residual falls about geometrically: the part done of its way down to the tolerance.
-  if (position_.iteration < 2 || !(last_residual_ > 0) || !(first_residual_ > scene_.tolerance)) return 0;
-  return std::clamp(std::log(first_residual_ / last_residual_) / std::log(first_residual_ / scene_.tolerance),
-                    0.0, 1.0);
+  double limit = 0;
+  for (const Measure& measure : scene_.measures) {
+    if (measure.field == Field::displacement && measure.kind == MeasureKind::relative) limit = measure.limit;
+  }
+  if (position_.iteration < 2 || !(last_residual_ > 0) || !(limit > 0 && first_residual_ > limit)) return 0;
+  return std::clamp(std::log(first_residual_ / last_residual_) / std::log(first_residual_ / limit), 0.0, 1.0);
 }
 
 void ProgressBar::waiting(const RemoteParticipant& participant, const char* phase, double seconds) {

@@ -27,7 +27,8 @@ RunRecord::RunRecord(const std::filesystem::path& folder, const CouplingScene& s
   if (scene.participants.size() > 1) {
     convergence_ = open_for_writing(folder / "convergence.csv");
     convergence_
-        << "window,iteration,time,residual,velocity_residual,force_residual,relaxation,displacement_norm,"
+        << "window,iteration,time,residual,velocity_residual,force_residual,relaxation,load_share,"
+           "displacement_norm,"
            "force_x,force_y,"
            "moment,fluid_force_x,fluid_force_y,fluid_moment,solid_force_x,solid_force_y,solid_moment,"
            "fluid_power,solid_power,fluid_s,solid_s,fluid_error,solid_error\n";
@@ -42,15 +43,15 @@ void RunRecord::check(std::ofstream& file, const std::string& name) const {
 }
 
 void RunRecord::add(const IterationRow& row) {
-  fmt::print(
-      convergence_,
-      "{},{},{:.17g},{:.17g},{},{},{:.17g},{:.17g},{:.17g},{:.17g},{:.17g},{:.17g},{:.17g},{:.17g},{:.17g},"
-      "{:.17g},{:.17g},{:.17g},{:.17g},{:.6f},{:.6f},{:.17g},{:.17g}\n",
-      row.window, row.iteration, row.time, row.residual, optional_text(row.velocity_residual),
-      optional_text(row.force_residual), row.relaxation, row.displacement_norm, row.force[0], row.force[1],
-      row.moment, row.fluid_force[0], row.fluid_force[1], row.fluid_moment, row.solid_force[0],
-      row.solid_force[1], row.solid_moment, row.fluid_power, row.solid_power, row.fluid_s, row.solid_s,
-      row.fluid_error, row.solid_error);
+  fmt::print(convergence_,
+             "{},{},{:.17g},{:.17g},{},{},{:.17g},{:.17g},{:.17g},{:.17g},{:.17g},{:.17g},{:.17g},{:.17g},{:."
+             "17g},{:.17g},"
+             "{:.17g},{:.17g},{:.17g},{:.17g},{:.6f},{:.6f},{:.17g},{:.17g}\n",
+             row.window, row.iteration, row.time, row.residual, optional_text(row.velocity_residual),
+             optional_text(row.force_residual), row.relaxation, row.load_share, row.displacement_norm,
+             row.force[0], row.force[1], row.moment, row.fluid_force[0], row.fluid_force[1], row.fluid_moment,
+             row.solid_force[0], row.solid_force[1], row.solid_moment, row.fluid_power, row.solid_power,
+             row.fluid_s, row.solid_s, row.fluid_error, row.solid_error);
   check(convergence_, "convergence.csv");
 }
 

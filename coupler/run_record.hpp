@@ -24,7 +24,8 @@ struct IterationRow {
   double residual = 0;                      // |d_k - d_{k-1}|_2 / |d_k|_2
   std::optional<double> velocity_residual;  // the same of the velocity, in transient mode
   std::optional<double> force_residual;
-  double relaxation = 1;
+  double relaxation = 0;                // 0: none was needed or none was possible
+  double load_share = 1;                // of the load that the solid was given
   double displacement_norm = 0;         // |d_k|_2 over the wet nodes [m]
   std::array<double, 2> force{};        // sum of the nodal forces [N/m]
   double moment = 0;                    // about the origin [N]

@@ -9,6 +9,7 @@
 #include <array>
 #include <cerrno>
 #include <cstring>
+#include <vector>
 #include <zmq.hpp>
 
 namespace estuary {
@@ -151,6 +152,19 @@ std::optional<v1::Reply> ClientChannel::receive(std::chrono::milliseconds timeou
   bytes_received_ += frame.size();
   ++messages_;
   return reply;
+}
+
+void ClientChannel::wait_for_any(std::span<ClientChannel* const> channels,
+                                 std::chrono::milliseconds timeout) {
+  std::vector<zmq::pollitem_t> items;
+  items.reserve(channels.size());
+  for (ClientChannel* channel : channels)
+    items.push_back({channel->socket_->socket.handle(), 0, ZMQ_POLLIN, 0});
+  try {
+    zmq::poll(items, timeout);
+  } catch (const zmq::error_t& error) {
+    if (error.num() != EINTR) throw;
+  }
 }
 
 struct ServerChannel::Socket {

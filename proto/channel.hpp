@@ -9,6 +9,7 @@
 #include <cstdint>
 #include <memory>
 #include <optional>
+#include <span>
 #include <stdexcept>
 #include <string>
 
@@ -48,6 +49,8 @@ public:
   /// The next message, or nothing when `timeout` passes. Throws ChannelError when it cannot be read as a
   /// Reply.
   [[nodiscard]] std::optional<v1::Reply> receive(std::chrono::milliseconds timeout);
+  /// Waits until one of the channels has a message or `timeout` passes.
+  static void wait_for_any(std::span<ClientChannel* const> channels, std::chrono::milliseconds timeout);
 
   [[nodiscard]] const std::string& endpoint() const { return endpoint_; }
   [[nodiscard]] std::uint64_t bytes_sent() const { return bytes_sent_; }

@@ -149,6 +149,61 @@ TEST_F(CoupledRun, ParticipantsOwnDivergenceIsExitStatusThree) {
   EXPECT_THAT(finished.errors, HasSubstr("a smaller time step"));
 }
 
+// All schemes and accelerations come to the same solution, a factor of -3 included, where the plain iteration
+// diverges. Aitken's one factor cannot follow the rotating residuals of a parallel scheme, so it is not among
+// them.
+TEST_F(CoupledRun, EveryImplicitSchemeAndAccelerationFindsTheFixedPoint) {
+  for (const std::string scheme : {"serial-implicit", "parallel-implicit"}) {
+    for (const std::string acceleration : {"aitken", "constant", "iqn-ils", "iqn-imvj"}) {
+      if (scheme == "parallel-implicit" && acceleration == "aitken") continue;
+      const auto scene = write_scene(
+          "pressure = 3.0\nslope = -3.0", "stiffness = 1.0",
+          "mode = \"transient\"\nwindow = 0.1\nend_time = 0.5\npredictor = \"none\"\nscheme = \"" + scheme +
+              "\"\nacceleration = \"" + acceleration + "\"\nrelaxation = 0.2\nmax_iterations = 200",
+          "[[check]]\nquantity = \"tip.displacement\"\nreference = 0.75\ntolerance = 1e-3\n");
+      const Finished finished = run(scene);
+      EXPECT_EQ(finished.status, 0) << scheme << ' ' << acceleration << finished.errors << finished.output;
+    }
+  }
+}
+
+TEST_F(CoupledRun, ParallelParticipantsComputeAtTheSameTime) {
+  const auto scene =
+      write_scene("pressure = 3.0\nslope = 0.0\nseconds = 0.2", "stiffness = 1.0\nseconds = 0.2",
+                  "mode = \"transient\"\nwindow = 0.1\nend_time = 0.5\nscheme = \"parallel-explicit\"");
+  EXPECT_EQ(run(scene).status, 0);
+  const auto json = summary();
+  const double together = json["participants"]["fluid"]["wall_s"].get<double>() +
+                          json["participants"]["solid"]["wall_s"].get<double>();
+  EXPECT_LT(json["wall_s"].get<double>(), 0.9 * together);
+}
+
+TEST_F(CoupledRun, AWindowThatAParticipantGaveUpIsTriedAgain) {
+  const std::string trouble = "\nmisbehaviour = \"exception\"\nat_window = 1\nat_iteration = 2";
+  const std::string transient = "mode = \"transient\"\nwindow = 0.1\nend_time = 0.5\npredictor = \"none\"\n";
+  auto scene = write_scene("pressure = 3.0\nslope = -0.5" + trouble, "stiffness = 1.0", transient);
+  EXPECT_EQ(run(scene).status, 0);
+  EXPECT_THAT(read(folder_ / "out" / "log" / "coupler.log"), HasSubstr("tried again without the history"));
+  scene =
+      write_scene("pressure = 3.0\nslope = -0.5" + trouble, "stiffness = 1.0", transient + "recover = false");
+  EXPECT_EQ(run(scene).status, 3);
+}
+
+TEST_F(CoupledRun, ASteadyLoadTooLargeForTheSolidIsBroughtOnInParts) {
+  const auto scene = write_scene(
+      "pressure = 3.0\nslope = -0.5", "stiffness = 1.0\nlargest_displacement = 1.8", "mode = \"steady\"",
+      "[[check]]\nquantity = \"tip.displacement\"\nreference = 2.0\ntolerance = 1e-3\n");
+  // Not even the solution is within its reach: an honest end.
+  EXPECT_EQ(run(scene).status, 3);
+  const auto possible =
+      write_scene("pressure = 3.0\nslope = -0.5", "stiffness = 1.0\nlargest_displacement = 2.5",
+                  "mode = \"steady\"\nacceleration = \"iqn-ils\"",
+                  "[[check]]\nquantity = \"tip.displacement\"\nreference = 2.0\ntolerance = 1e-3\n");
+  const Finished finished = run(possible);
+  EXPECT_EQ(finished.status, 0) << finished.errors << finished.output;
+  EXPECT_THAT(read(folder_ / "out" / "log" / "coupler.log"), HasSubstr("gets half"));
+}
+
 TEST_F(CoupledRun, WrongLengthIsRefused) {
   const auto scene = write_scene("pressure = 3.0\nslope = 0.5\nmisbehaviour = \"wrong-length\"",
                                  "stiffness = 1.0", "mode = \"steady\"");

@@ -41,6 +41,7 @@ public:
     } else {
       stiffness_ = table.number("stiffness", Range::positive());
       nodes_ = static_cast<int>(table.integer_or("nodes", 5, 2, 1'000'000));
+      largest_displacement_ = table.number_or("largest_displacement", 1e300, Range::positive());
     }
     seconds_ = table.number_or("seconds", 0.0, Range::not_negative());
     constexpr std::array<std::string_view, 6> kinds = {"none",      "nan",          "crash",
@@ -111,6 +112,8 @@ public:
         displacement[i] =
             inputs.forces().force(static_cast<int>(i)) / (stiffness_ * share * (end_node ? 0.5 : 1.0));
       }
+      if (std::abs(displacement[1]) > largest_displacement_)
+        throw NotConverged("no equilibrium under this load", "a smaller load");
       if (now && misbehaviour_ == "nan") displacement[3] = std::numeric_limits<double>::quiet_NaN();
       if (now && misbehaviour_ == "wrong-length") displacement.push_back(0.0);
       *result.outputs.mutable_displacements() = motion(displacement);
@@ -147,6 +150,7 @@ private:
   double pressure_ = 0;
   double slope_ = 0;
   double stiffness_ = 1;
+  double largest_displacement_ = 0;
   double seconds_ = 0;
   int nodes_ = 5;
   std::uint64_t at_window_ = 1;

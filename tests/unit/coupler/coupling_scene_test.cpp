@@ -30,7 +30,7 @@ TEST(CouplingScene, HasTheDefaultsOfTheDesign) {
   EXPECT_TRUE(problems.empty());
   EXPECT_EQ(scene.mode, CouplingMode::steady);
   EXPECT_EQ(scene.acceleration, AccelerationKind::aitken);
-  EXPECT_DOUBLE_EQ(scene.tolerance, 1e-4);
+  EXPECT_DOUBLE_EQ(scene.measures[0].limit, 1e-4);
   ASSERT_EQ(scene.participants.size(), 2U);
   EXPECT_EQ(scene.participants[0].command, std::vector<std::string>{"fluid-lbm"});
 }

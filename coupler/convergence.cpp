@@ -1,0 +1,101 @@
+#include "convergence.hpp"
+
+#include <algorithm>
+#include <limits>
+
+namespace estuary::coupler {
+namespace {
+
+// A displacement this many times the size of the wet surface is no solution of anything.
+constexpr double absurd_displacement = 1e3;
+// An increment that grew this much over the window's first belongs to a diverging iteration.
+constexpr double diverging_growth = 1e6;
+// Velocities below this share of the largest so far need no relative accuracy: the surface is turning round.
+constexpr double slow_velocity = 1e-2;
+// Displacements below this share of the surface's size count as zero: nothing moves, and that is converged.
+constexpr double zero_displacement = 1e-14;
+// This many iterations in a row without any gain is a stall.
+constexpr std::uint64_t stalling_iterations = 25;
+constexpr double least_gain = 0.99;
+
+}  // namespace
+
+Convergence::Convergence(const CouplingScene& scene, double displacement_scale)
+    : measures_(scene.measures),
+      least_iterations_(static_cast<std::uint64_t>(scene.min_iterations)),
+      scale_(displacement_scale),
+      window_(scene.window) {}
+
+void Convergence::begin_window() {
+  best_increment_ = std::numeric_limits<double>::infinity();
+  best_at_ = 0;
+  first_ = true;
+}
+
+double Convergence::relative(Field field) const {
+  const Norm& norm = of(field);
+  if (norm.increment == 0) return 0;
+  switch (field) {
+    case Field::displacement: {
+      const double nothing = zero_displacement * scale_;
+      if (norm.size <= nothing && norm.increment <= nothing) return 0;
+      return norm.increment / std::max(norm.size, nothing);
+    }
+    case Field::velocity: {
+      const double floor =
+          std::max(slow_velocity * largest_velocity_, zero_displacement * scale_ / std::max(window_, 1e-300));
+      return norm.increment / std::max(norm.size, floor);
+    }
+    case Field::force:
+      break;
+  }
+  return norm.size > 0 ? norm.increment / norm.size : 1.0;
+}
+
+bool Convergence::holds(const Measure& measure) const {
+  const Norm& norm = of(measure.field);
+  switch (measure.kind) {
+    case MeasureKind::relative:
+      break;
+    case MeasureKind::absolute:
+      return norm.increment < measure.limit;
+    case MeasureKind::residual_relative:
+      return norm.increment <= measure.limit * norm.first_increment;
+  }
+  return relative(measure.field) < measure.limit;
+}
+
+bool Convergence::grows(const IterationNorms& norms) const {
+  const double first = std::max(of(Field::displacement).first_increment, 1e-12 * scale_);
+  return norms.displacement > absurd_displacement * scale_ ||
+         norms.displacement_increment > diverging_growth * first;
+}
+
+Verdict Convergence::judge(const IterationNorms& norms, std::uint64_t iteration) {
+  const auto set = [&](Field field, double increment, double size) {
+    Norm& norm = fields_[static_cast<std::size_t>(field)];
+    norm.increment = increment;
+    norm.size = size;
+    if (first_) norm.first_increment = increment;
+  };
+  set(Field::displacement, norms.displacement_increment, norms.displacement);
+  set(Field::velocity, norms.velocity_increment, norms.velocity);
+  set(Field::force, norms.force_increment, norms.force);
+  first_ = false;
+  if (grows(norms)) return Verdict::diverged;
+  if (iteration >= least_iterations_ &&
+      std::all_of(measures_.begin(), measures_.end(), [this](const Measure& m) { return holds(m); })) {
+    return Verdict::converged;
+  }
+  if (norms.displacement_increment < least_gain * best_increment_) {
+    best_increment_ = norms.displacement_increment;
+    best_at_ = iteration;
+  }
+  return iteration >= best_at_ + stalling_iterations ? Verdict::stalled : Verdict::go_on;
+}
+
+void Convergence::accept(const IterationNorms& norms) {
+  largest_velocity_ = std::max(largest_velocity_, norms.velocity);
+}
+
+}  // namespace estuary::coupler

@@ -1,0 +1,59 @@
+// When a window's iteration has converged, goes on, stalls or diverges.
+#pragma once
+
+#include <optional>
+#include <vector>
+
+#include "coupling_scene.hpp"
+
+namespace estuary::coupler {
+
+enum class Verdict { go_on, converged, stalled, diverged };
+
+/// Norms of one iteration's increments i = H(x) - x and of its answers H(x) [SI units, L2 over the wet
+/// nodes].
+struct IterationNorms {
+  double displacement_increment = 0;
+  double displacement = 0;
+  double velocity_increment = 0;
+  double velocity = 0;
+  double force_increment = 0;
+  double force = 0;
+};
+
+class Convergence {
+public:
+  /// `displacement_scale`: what counts as large, and at 1e-14 of it as nothing [m].
+  Convergence(const CouplingScene& scene, double displacement_scale);
+
+  void begin_window();
+  [[nodiscard]] Verdict judge(const IterationNorms& norms, std::uint64_t iteration);
+  /// After the window: its velocities belong to what later ones are compared with.
+  void accept(const IterationNorms& norms);
+
+  /// Relative increment of a field at the last iteration: |i| / |H(x)|. Zero when nothing moves; never
+  /// divides by zero.
+  [[nodiscard]] double relative(Field field) const;
+
+private:
+  struct Norm {
+    double increment = 0;
+    double size = 0;
+    double first_increment = 0;
+  };
+  [[nodiscard]] const Norm& of(Field field) const { return fields_[static_cast<std::size_t>(field)]; }
+  [[nodiscard]] bool holds(const Measure& measure) const;
+  [[nodiscard]] bool grows(const IterationNorms& norms) const;
+
+  std::vector<Measure> measures_;
+  std::uint64_t least_iterations_;
+  double scale_;
+  double window_;
+  std::array<Norm, 3> fields_{};
+  bool first_ = true;  // nothing judged yet in this window
+  double largest_velocity_ = 0;
+  double best_increment_ = 0;  // of the displacement in this window
+  std::uint64_t best_at_ = 0;  // iteration
+};
+
+}  // namespace estuary::coupler

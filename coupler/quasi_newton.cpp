@@ -1,0 +1,267 @@
+#include "quasi_newton.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <numeric>
+
+namespace estuary::coupler {
+namespace {
+
+// Changes below this share of the answer are rounding.
+constexpr double round_off = 1e-11;
+
+double norm_of(std::span<const double> values) {
+  double sum = 0;
+  for (const double value : values) sum += value * value;
+  return std::sqrt(sum);
+}
+
+std::vector<double> difference(std::span<const double> a, std::span<const double> b) {
+  std::vector<double> result(a.size());
+  for (std::size_t i = 0; i < a.size(); ++i) result[i] = a[i] - b[i];
+  return result;
+}
+
+std::vector<double> answer_of(std::span<const double> residual, std::span<const double> iterate) {
+  std::vector<double> answer(iterate.begin(), iterate.end());
+  for (std::size_t i = 0; i < answer.size(); ++i) answer[i] += residual[i];
+  return answer;
+}
+
+void relax(double factor, std::span<const double> residual, std::span<double> iterate) {
+  for (std::size_t i = 0; i < iterate.size(); ++i) iterate[i] += factor * residual[i];
+}
+
+// One field as long as the iterate unless the settings say otherwise.
+std::vector<std::size_t> fields_for(const std::vector<std::size_t>& fields, std::size_t size) {
+  return fields.empty() ? std::vector<std::size_t>{size} : fields;
+}
+
+}  // namespace
+
+ResidualSum::ResidualSum(std::vector<std::size_t> fields)
+    : fields_(std::move(fields)),
+      sums_(fields_.size(), 0.0),
+      weights_(std::max<std::size_t>(1, fields_.size()), 1.0) {}
+
+void ResidualSum::begin_window() {
+  std::fill(sums_.begin(), sums_.end(), 0.0);
+}
+
+void ResidualSum::add(std::span<const double> residual) {
+  if (fields_.empty()) return;
+  const double whole = norm_of(residual);
+  if (!(whole > 0)) return;
+  std::size_t begin = 0;
+  for (std::size_t k = 0; k < fields_.size(); ++k) {
+    sums_[k] += norm_of(residual.subspan(begin, fields_[k])) / whole;
+    // A field that has not changed yet keeps its last weight.
+    if (sums_[k] > 0) weights_[k] = 1 / sums_[k];
+    begin += fields_[k];
+  }
+}
+
+void ColumnPairs::push_front(std::vector<double> residual_change, std::vector<double> answer_change) {
+  const auto multiply = [this](const std::vector<double>& a, const std::vector<double>& b) {
+    std::vector<double> products(fields_.size());
+    std::size_t begin = 0;
+    for (std::size_t k = 0; k < fields_.size(); ++k) {
+      const auto n = static_cast<Eigen::Index>(fields_[k]);
+      products[k] = Eigen::Map<const Eigen::VectorXd>(a.data() + begin, n)
+                        .dot(Eigen::Map<const Eigen::VectorXd>(b.data() + begin, n));
+      begin += fields_[k];
+    }
+    return products;
+  };
+  Pair pair{std::move(residual_change), std::move(answer_change), {}};
+  pair.products.push_back(multiply(pair.residual_change, pair.residual_change));
+  for (const Pair& older : pairs_)
+    pair.products.push_back(multiply(pair.residual_change, older.residual_change));
+  pairs_.push_front(std::move(pair));
+}
+
+void ColumnPairs::resize(std::size_t count) {
+  while (pairs_.size() > count) {
+    pairs_.pop_back();
+    for (Pair& pair : pairs_) pair.products.pop_back();
+  }
+}
+
+double ColumnPairs::product(std::size_t newer, std::size_t older, const std::vector<double>& weights) const {
+  const auto& products = pairs_[newer].products[older - newer];
+  double sum = 0;
+  for (std::size_t k = 0; k < products.size(); ++k) sum += weights[k] * weights[k] * products[k];
+  return sum;
+}
+
+// Cholesky factorisation of the columns' products, newest first; a column stays when enough of it is
+// independent of the newer ones. The factor is lower triangular.
+std::vector<std::size_t> ColumnPairs::choose(const QuasiNewtonSettings& settings,
+                                             const std::vector<double>& weights, double smallest,
+                                             ColumnFilter filter, Eigen::MatrixXd& triangle) const {
+  // Below this share of itself a column's independent part is rounding of the products.
+  constexpr double least_part = 1e-7;
+  std::vector<std::size_t> chosen;
+  const std::size_t most =
+      std::min({pairs_.size(), settings.most_columns, pairs_.front().residual_change.size()});
+  triangle.setZero(static_cast<Eigen::Index>(most), static_cast<Eigen::Index>(most));
+  double square_of_factor = 0;
+  for (std::size_t column = 0; column < pairs_.size() && chosen.size() < most; ++column) {
+    const double square = product(column, column, weights);
+    if (!(std::sqrt(square) > smallest)) continue;
+    const auto next = static_cast<Eigen::Index>(chosen.size());
+    double rest = square;
+    for (Eigen::Index k = 0; k < next; ++k) {
+      double value = product(chosen[static_cast<std::size_t>(k)], column, weights);
+      value -= triangle.row(k).head(k).dot(triangle.row(next).head(k));
+      triangle(next, k) = value / triangle(k, k);
+      rest -= triangle(next, k) * triangle(next, k);
+    }
+    const double limit = filter == ColumnFilter::qr2 ? settings.filter_limit * settings.filter_limit * square
+                         : filter == ColumnFilter::qr1
+                             ? settings.filter_limit * settings.filter_limit * square_of_factor
+                             : 0.0;
+    if (!(rest > std::max(limit, least_part * least_part * square))) {
+      triangle.row(next).setZero();
+      continue;
+    }
+    triangle(next, next) = std::sqrt(rest);
+    square_of_factor += square;
+    chosen.push_back(column);
+  }
+  return chosen;
+}
+
+std::size_t ColumnPairs::apply(std::span<double> right, std::span<double> answer,
+                               const std::vector<double>& weights, const QuasiNewtonSettings& settings,
+                               double smallest) const {
+  if (pairs_.empty()) return 0;
+  Eigen::MatrixXd triangle;
+  std::vector<std::size_t> chosen;
+  if (settings.filter == ColumnFilter::qr3) {
+    const auto everything = choose(settings, weights, smallest, ColumnFilter::none, triangle);
+    chosen = choose(settings, weights, smallest, ColumnFilter::qr1, triangle);
+    if (chosen.size() < everything.size())
+      chosen = choose(settings, weights, smallest, ColumnFilter::qr2, triangle);
+  } else {
+    chosen = choose(settings, weights, smallest, settings.filter, triangle);
+  }
+  const auto count = static_cast<Eigen::Index>(chosen.size());
+  if (count == 0) return 0;
+  Eigen::VectorXd projected(count);
+  for (Eigen::Index k = 0; k < count; ++k) {
+    const auto& column = pairs_[chosen[static_cast<std::size_t>(k)]].residual_change;
+    double sum = 0;
+    std::size_t begin = 0;
+    for (std::size_t field = 0; field < fields_.size(); ++field) {
+      const auto n = static_cast<Eigen::Index>(fields_[field]);
+      sum += weights[field] * weights[field] *
+             Eigen::Map<const Eigen::VectorXd>(column.data() + begin, n)
+                 .dot(Eigen::Map<const Eigen::VectorXd>(right.data() + begin, n));
+      begin += fields_[field];
+    }
+    projected[k] = sum;
+  }
+  const auto lower = triangle.topLeftCorner(count, count).triangularView<Eigen::Lower>();
+  lower.solveInPlace(projected);
+  lower.transpose().solveInPlace(projected);
+  const auto size = static_cast<Eigen::Index>(right.size());
+  Eigen::Map<Eigen::VectorXd> left(right.data(), size);
+  Eigen::Map<Eigen::VectorXd> sum(answer.data(), size);
+  for (Eigen::Index k = 0; k < count; ++k) {
+    const Pair& pair = pairs_[chosen[static_cast<std::size_t>(k)]];
+    left -= projected[k] * Eigen::Map<const Eigen::VectorXd>(pair.residual_change.data(), size);
+    sum += projected[k] * Eigen::Map<const Eigen::VectorXd>(pair.answer_change.data(), size);
+  }
+  return chosen.size();
+}
+
+InterfaceQuasiNewton::InterfaceQuasiNewton(QuasiNewtonSettings settings)
+    : settings_(std::move(settings)),
+      factor_(settings_.relaxation),
+      weights_(settings_.fields),
+      pairs_(settings_.fields) {}
+
+void InterfaceQuasiNewton::begin_window() {
+  last_residual_.clear();
+  last_answer_.clear();
+  weights_.begin_window();
+  if (columns_of_window_.front() > 0) columns_of_window_.push_front(0);
+  while (columns_of_window_.size() > settings_.windows_reused + 1) columns_of_window_.pop_back();
+  pairs_.resize(std::accumulate(columns_of_window_.begin(), columns_of_window_.end(), std::size_t{0}));
+}
+
+void InterfaceQuasiNewton::forget() {
+  pairs_.resize(0);
+  columns_of_window_.assign(1, 0);
+  begin_window();
+}
+
+void InterfaceQuasiNewton::update(std::span<const double> residual, std::span<double> iterate) {
+  if (pairs_.count() == 0) pairs_ = ColumnPairs(fields_for(settings_.fields, iterate.size()));
+  std::vector<double> answer = answer_of(residual, iterate);
+  if (!last_residual_.empty()) {
+    pairs_.push_front(difference(residual, last_residual_), difference(answer, last_answer_));
+    ++columns_of_window_.front();
+  }
+  last_residual_.assign(residual.begin(), residual.end());
+  last_answer_ = answer;
+  weights_.add(residual);
+
+  std::vector<double> right(residual.size());
+  for (std::size_t i = 0; i < right.size(); ++i) right[i] = -residual[i];
+  columns_used_ =
+      pairs_.apply(right, answer, weights_.weights(), settings_, round_off * norm_of(last_answer_));
+  if (columns_used_ == 0) {
+    factor_ = settings_.relaxation;
+    relax(factor_, residual, iterate);
+    return;
+  }
+  factor_ = 1;
+  std::copy(answer.begin(), answer.end(), iterate.begin());
+}
+
+MultiVectorQuasiNewton::MultiVectorQuasiNewton(QuasiNewtonSettings settings)
+    : settings_(std::move(settings)), factor_(settings_.relaxation), weights_(settings_.fields) {}
+
+void MultiVectorQuasiNewton::begin_window() {
+  last_residual_.clear();
+  last_answer_.clear();
+  weights_.begin_window();
+  if (!windows_.empty() && windows_.front().count() > 0)
+    windows_.push_front(ColumnPairs(fields_for(settings_.fields, 0)));
+  while (windows_.size() > settings_.windows_reused + 1) windows_.pop_back();
+}
+
+void MultiVectorQuasiNewton::forget() {
+  windows_.clear();
+  begin_window();
+}
+
+void MultiVectorQuasiNewton::update(std::span<const double> residual, std::span<double> iterate) {
+  const auto fields = fields_for(settings_.fields, iterate.size());
+  if (windows_.empty()) windows_.push_front(ColumnPairs(fields));
+  if (windows_.front().count() == 0) windows_.front() = ColumnPairs(fields);
+  std::vector<double> answer = answer_of(residual, iterate);
+  if (!last_residual_.empty())
+    windows_.front().push_front(difference(residual, last_residual_), difference(answer, last_answer_));
+  last_residual_.assign(residual.begin(), residual.end());
+  last_answer_ = answer;
+  weights_.add(residual);
+
+  std::vector<double> right(residual.size());
+  for (std::size_t i = 0; i < right.size(); ++i) right[i] = -residual[i];
+  const double smallest = round_off * norm_of(last_answer_);
+  columns_used_ = 0;
+  for (const ColumnPairs& window : windows_)
+    columns_used_ += window.apply(right, answer, weights_.weights(), settings_, smallest);
+  if (columns_used_ == 0) {
+    factor_ = settings_.relaxation;
+    relax(factor_, residual, iterate);
+    return;
+  }
+  factor_ = 1;
+  std::copy(answer.begin(), answer.end(), iterate.begin());
+}
+
+}  // namespace estuary::coupler

@@ -1,0 +1,126 @@
+// Interface quasi-Newton acceleration: learns from the iterations how the answer H(x) follows x.
+//
+// With the residual r = H(x) - x, every iteration gives a column of V (change of r) and of W (change of
+// H(x)). The next iterate is H(x) + W c, where V c cancels r as well as it can (Degroote, Bathe & Vierendeels
+// 2009). Names and meaning of the options are those of preCICE.
+#pragma once
+
+#include <Eigen/Dense>
+#include <cstddef>
+#include <deque>
+#include <span>
+#include <vector>
+
+#include "acceleration.hpp"
+
+namespace estuary::coupler {
+
+struct QuasiNewtonSettings {
+  double relaxation = 0.5;         // of the first iteration, when nothing has been learnt
+  std::size_t windows_reused = 8;  // past windows whose columns are kept
+  std::size_t most_columns = 100;  // of one least-squares problem
+  ColumnFilter filter = ColumnFilter::qr2;
+  double filter_limit = 1e-2;
+  /// Lengths of the fields that make up the iterate, for the residual-sum preconditioner: each field is
+  /// divided by the sum over the window's iterations of its share of the residual's norm. Empty: no
+  /// preconditioner.
+  std::vector<std::size_t> fields;
+};
+
+/// Weights of the fields from their residuals so far in this window.
+class ResidualSum {
+public:
+  explicit ResidualSum(std::vector<std::size_t> fields);
+  void begin_window();
+  void add(std::span<const double> residual);
+  [[nodiscard]] const std::vector<double>& weights() const { return weights_; }
+  [[nodiscard]] const std::vector<std::size_t>& fields() const { return fields_; }
+
+private:
+  std::vector<std::size_t> fields_;
+  std::vector<double> sums_;
+  std::vector<double> weights_;
+};
+
+/// Columns of V and W, newest first, and the least-squares problem over them. Products of columns are kept,
+/// field by field, so that a new column costs one pass over the others and new weights cost nothing. The
+/// normal equations are safe here because the filter bounds their condition.
+class ColumnPairs {
+public:
+  explicit ColumnPairs(std::vector<std::size_t> fields) : fields_(std::move(fields)) {}
+
+  void push_front(std::vector<double> residual_change, std::vector<double> answer_change);
+  /// Drops the oldest.
+  void resize(std::size_t count);
+  [[nodiscard]] std::size_t count() const { return pairs_.size(); }
+
+  /// Finds c that minimises |V c - right| with the weights, subtracts V c from `right` and adds W c to
+  /// `answer`. Columns below `smallest` in norm and those the filter drops take no part. Returns how many
+  /// did.
+  std::size_t apply(std::span<double> right, std::span<double> answer, const std::vector<double>& weights,
+                    const QuasiNewtonSettings& settings, double smallest) const;
+
+private:
+  struct Pair {
+    std::vector<double> residual_change;
+    std::vector<double> answer_change;
+    // Product with every older pair and itself, newest of them first; per field.
+    std::deque<std::vector<double>> products;
+  };
+  [[nodiscard]] double product(std::size_t newer, std::size_t older,
+                               const std::vector<double>& weights) const;
+  [[nodiscard]] std::vector<std::size_t> choose(const QuasiNewtonSettings& settings,
+                                                const std::vector<double>& weights, double smallest,
+                                                ColumnFilter filter, Eigen::MatrixXd& triangle) const;
+
+  std::vector<std::size_t> fields_;
+  std::deque<Pair> pairs_;
+};
+
+/// IQN-ILS: one least-squares problem over the columns of this window and of the last `windows_reused`.
+class InterfaceQuasiNewton final : public Acceleration {
+public:
+  explicit InterfaceQuasiNewton(QuasiNewtonSettings settings);
+  void update(std::span<const double> residual, std::span<double> iterate) override;
+  void begin_window() override;
+  void forget() override;
+  /// The initial factor while there is no column, else 1: the step is a whole quasi-Newton step.
+  [[nodiscard]] double relaxation() const override { return factor_; }
+  [[nodiscard]] std::size_t columns() const { return columns_used_; }
+
+private:
+  void make_room(std::size_t size);
+
+  QuasiNewtonSettings settings_;
+  double factor_;
+  std::size_t columns_used_ = 0;
+  ResidualSum weights_;
+  ColumnPairs pairs_;
+  std::deque<std::size_t> columns_of_window_{0};  // this window's first
+  std::vector<double> last_residual_;
+  std::vector<double> last_answer_;
+};
+
+/// IQN-IMVJ (Bogaers et al. 2014): this window's columns first, then what they leave of the residual goes to
+/// the window before, and so on. That is the inverse Jacobian J_n = W_n V_n^+ + J_(n-1) (1 - V_n V_n^+)
+/// applied without ever forming it; windows older than `windows_reused` are dropped.
+class MultiVectorQuasiNewton final : public Acceleration {
+public:
+  explicit MultiVectorQuasiNewton(QuasiNewtonSettings settings);
+  void update(std::span<const double> residual, std::span<double> iterate) override;
+  void begin_window() override;
+  void forget() override;
+  [[nodiscard]] double relaxation() const override { return factor_; }
+  [[nodiscard]] std::size_t columns() const { return columns_used_; }
+
+private:
+  QuasiNewtonSettings settings_;
+  double factor_;
+  std::size_t columns_used_ = 0;
+  ResidualSum weights_;
+  std::deque<ColumnPairs> windows_;  // this one first
+  std::vector<double> last_residual_;
+  std::vector<double> last_answer_;
+};
+
+}  // namespace estuary::coupler

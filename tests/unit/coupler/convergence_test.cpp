@@ -1,0 +1,92 @@
+#include "convergence.hpp"
+
+#include <gtest/gtest.h>
+
+namespace estuary::coupler {
+namespace {
+
+CouplingScene scene_with(std::vector<Measure> measures) {
+  CouplingScene scene;
+  scene.mode = CouplingMode::transient;
+  scene.window = 0.1;
+  scene.measures = std::move(measures);
+  return scene;
+}
+
+Convergence started(const CouplingScene& scene) {
+  Convergence convergence(scene, 1.0);
+  convergence.begin_window();
+  return convergence;
+}
+
+TEST(Convergence, RelativeMeasureDividesByTheAnswer) {
+  auto convergence = started(scene_with({{Field::displacement, MeasureKind::relative, 1e-2}}));
+  EXPECT_EQ(convergence.judge({.displacement_increment = 0.03, .displacement = 2.0}, 1), Verdict::go_on);
+  EXPECT_DOUBLE_EQ(convergence.relative(Field::displacement), 0.015);
+  EXPECT_EQ(convergence.judge({.displacement_increment = 0.01, .displacement = 2.0}, 2), Verdict::converged);
+}
+
+TEST(Convergence, NothingMovingIsConvergedAndDividesByNothing) {
+  auto convergence = started(scene_with({{Field::displacement, MeasureKind::relative, 1e-4},
+                                         {Field::velocity, MeasureKind::relative, 1e-4},
+                                         {Field::force, MeasureKind::relative, 1e-4}}));
+  EXPECT_EQ(convergence.judge({}, 1), Verdict::converged);
+  EXPECT_EQ(convergence.relative(Field::displacement), 0.0);
+}
+
+TEST(Convergence, AbsoluteAndResidualRelativeMeasures) {
+  auto convergence = started(scene_with({{Field::displacement, MeasureKind::absolute, 1e-3},
+                                         {Field::force, MeasureKind::residual_relative, 0.1}}));
+  const auto norms = [](double displacement, double force) {
+    return IterationNorms{.displacement_increment = displacement,
+                          .displacement = 1.0,
+                          .force_increment = force,
+                          .force = 100.0};
+  };
+  EXPECT_EQ(convergence.judge(norms(0.1, 50), 1), Verdict::go_on);
+  EXPECT_EQ(convergence.judge(norms(5e-4, 10), 2), Verdict::go_on);  // the force fell to a fifth only
+  EXPECT_EQ(convergence.judge(norms(5e-4, 4), 3), Verdict::converged);
+}
+
+TEST(Convergence, ASlowVelocityNeedsNoRelativeAccuracy) {
+  auto convergence = started(scene_with({{Field::velocity, MeasureKind::relative, 1e-3}}));
+  const IterationNorms fast{.displacement = 1.0, .velocity_increment = 1e-4, .velocity = 1.0};
+  EXPECT_EQ(convergence.judge(fast, 1), Verdict::converged);
+  convergence.accept(fast);
+  convergence.begin_window();
+  // Turning round: the velocity is nearly zero, its increment small against what it was.
+  EXPECT_EQ(convergence.judge({.displacement = 1.0, .velocity_increment = 5e-6, .velocity = 1e-4}, 1),
+            Verdict::converged);
+}
+
+TEST(Convergence, GrowthAndAbsurdSizeAreDivergence) {
+  auto convergence = started(scene_with({{Field::displacement, MeasureKind::relative, 1e-4}}));
+  EXPECT_EQ(convergence.judge({.displacement_increment = 1e-3, .displacement = 1e-3}, 1), Verdict::go_on);
+  EXPECT_EQ(convergence.judge({.displacement_increment = 2e3, .displacement = 500.0}, 2), Verdict::diverged);
+  convergence.begin_window();
+  EXPECT_EQ(convergence.judge({.displacement_increment = 2e3, .displacement = 2e3}, 3), Verdict::diverged);
+}
+
+TEST(Convergence, HoppingWithoutGainIsAStallAndNotConvergence) {
+  auto convergence = started(scene_with({{Field::displacement, MeasureKind::relative, 1e-4}}));
+  Verdict verdict = Verdict::go_on;
+  std::uint64_t iteration = 0;
+  while (verdict == Verdict::go_on && iteration < 100) {
+    ++iteration;
+    verdict = convergence.judge({.displacement_increment = 1e-2, .displacement = 1.0}, iteration);
+  }
+  EXPECT_EQ(verdict, Verdict::stalled);
+  EXPECT_EQ(iteration, 26U);
+}
+
+TEST(Convergence, ALeastNumberOfIterationsIsKept) {
+  CouplingScene scene = scene_with({{Field::displacement, MeasureKind::relative, 1e-4}});
+  scene.min_iterations = 3;
+  auto convergence = started(scene);
+  EXPECT_EQ(convergence.judge({.displacement = 1.0}, 1), Verdict::go_on);
+  EXPECT_EQ(convergence.judge({.displacement = 1.0}, 2), Verdict::go_on);
+  EXPECT_EQ(convergence.judge({.displacement = 1.0}, 3), Verdict::converged);
+}
+
+}  // namespace
+}  // namespace estuary::coupler
