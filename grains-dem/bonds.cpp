@@ -102,7 +102,7 @@ double add_bond_forces(const BondLaw& law, const Domain<D>& domain, double dt, B
   constexpr std::size_t spin = spin_components<D>;
   const std::size_t n = bonds.size();
   std::vector<double> damped(n, 0.0), released(n, 0.0);
-#pragma omp parallel for schedule(static) if (n > 512)
+#pragma omp parallel for schedule(static) if (n > 4096)
   for (std::size_t b = 0; b < n; ++b) {
     Vector<D> force{};
     Spin<D> moment_i{}, moment_j{};
@@ -178,7 +178,7 @@ double add_bond_forces(const BondLaw& law, const Domain<D>& domain, double dt, B
     total += damped[b];
     lost += released[b];
   }
-#pragma omp parallel for schedule(static) if (n > 512)
+#pragma omp parallel for schedule(static) if (n > 4096)
   for (std::size_t i = 0; i < state.size(); ++i)
     for (std::size_t k = bonds.grain_start[i]; k < bonds.grain_start[i + 1]; ++k) {
       const std::size_t b = bonds.grain_bond[k];

@@ -52,12 +52,14 @@ inline ContactForce<D> contact(const ContactConstants& c, const ContactKinematic
     // In the plane the stretch is a number along the tangent, which turns with the contact by itself.
     const double speed = k.sliding[0];
     const double before = history[0];
-    double stretch = before + speed * dt;
-    const double trial = tangential_stiffness * stretch + tangential_damping * speed;
+    // Spring first, then spring and damping: a stretch rewound by what the damping exceeds the limit would
+    // point against the sliding and store energy that nobody gave. Without branches: whether a contact slides
+    // is hard to predict.
     const double limit = c.friction * normal_force;
-    // Without a branch: whether a contact slides is hard to predict.
+    const double longest = limit * inverse_tangential_stiffness;
+    const double stretch = std::max(-longest, std::min(longest, before + speed * dt));
+    const double trial = tangential_stiffness * stretch + tangential_damping * speed;
     const double friction = std::max(-limit, std::min(limit, trial));
-    stretch -= (trial - friction) * inverse_tangential_stiffness;
     if (dt > 0) history[0] = stretch;
     result.friction[0] = friction;
     ledger.tangential += friction * speed * dt - tangential_stiffness * stretch * (stretch - before);
@@ -68,14 +70,13 @@ inline ContactForce<D> contact(const ContactConstants& c, const ContactKinematic
     before = before - dot(before, k.normal) * k.normal;
     const double projected = norm(before);
     if (projected > 0) before = (length / projected) * before;
-    Vector<D> stretch = before + dt * k.sliding;
-    Vector<D> friction = tangential_stiffness * stretch + tangential_damping * k.sliding;
     const double limit = c.friction * normal_force;
+    Vector<D> stretch = before + dt * k.sliding;
+    const double longest = limit * inverse_tangential_stiffness, reached = norm(stretch);
+    if (reached > longest) stretch = (longest / reached) * stretch;
+    Vector<D> friction = tangential_stiffness * stretch + tangential_damping * k.sliding;
     const double size = norm(friction);
-    if (size > limit) {
-      friction = (limit / size) * friction;
-      stretch = inverse_tangential_stiffness * (friction - tangential_damping * k.sliding);
-    }
+    if (size > limit) friction = (limit / size) * friction;
     if (dt > 0) store<3>(history, 0, stretch);
     result.friction = friction;
     ledger.tangential +=
@@ -101,12 +102,11 @@ inline ContactForce<D> contact(const ContactConstants& c, const ContactKinematic
                                k.reduced_radius * k.reduced_radius;
         const std::array<double, K> before = load<K>(angle, 0);
         std::array<double, K> turned = before + dt * rate;
+        const double reached = stiffness * norm(turned);
+        if (reached > limit) turned = (limit / reached) * turned;
         moment = (-stiffness) * turned - viscous * rate;
         const double size = norm(moment);
-        if (size > limit) {
-          moment = (limit / size) * moment;
-          turned = (-1 / stiffness) * (moment + viscous * rate);
-        }
+        if (size > limit) moment = (limit / size) * moment;
         if (dt > 0) store<K>(angle, 0, turned);
         ledger.rolling += -dot(moment, rate) * dt - stiffness * dot(turned, turned - before);
       }

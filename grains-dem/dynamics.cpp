@@ -212,7 +212,7 @@ void Dynamics<D>::evaluate(double dt) {
   const std::size_t n = state_.size(), blocks = block_count(n);
   constexpr std::size_t s = spin_components<D>;
   // Stretches and angles move on with the step; energies are summed in the order of the blocks.
-#pragma omp parallel for schedule(static) if (blocks > 1)
+#pragma omp parallel for schedule(static) if (blocks >= kParallelBlocks)
   for (std::size_t b = 0; b < blocks; ++b) {
     const std::size_t begin = block_begin(b), end = block_end(b, n);
     std::copy(state_.external_force.begin() + static_cast<std::ptrdiff_t>(D * begin),
@@ -238,7 +238,7 @@ template <int D>
 double Dynamics<D>::update(double kick, double drift, bool gather_first, double dt) {
   const std::size_t n = state_.size(), blocks = block_count(n);
   constexpr std::size_t s = spin_components<D>;
-#pragma omp parallel for schedule(static) if (blocks > 1)
+#pragma omp parallel for schedule(static) if (blocks >= kParallelBlocks)
   for (std::size_t b = 0; b < blocks; ++b) {
     if (gather_first) gather(b);
     double worst = 0, work = 0, given = 0;

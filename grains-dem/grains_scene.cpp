@@ -131,6 +131,9 @@ void read_groups(SceneTable& grains, GrainsScene& result) {
       group.triangular = table.choice("lattice", kinds) == "triangular";
       group.from = table.numbers("from", d);
       group.pitch = table.number("pitch", Range::positive());
+      group.stretch = vector_or(table, "stretch", d, 1);
+      for (const double factor : group.stretch)
+        if (!(factor > 0)) table.problem("stretch", "factors must be positive");
       for (const double n : table.numbers("counts", d)) {
         if (!(n >= 1) || n != std::floor(n) || n > 1e8)
           table.problem("counts", "are whole numbers from 1 on");

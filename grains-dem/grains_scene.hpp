@@ -34,6 +34,7 @@ struct GroupScene {
   bool triangular = false;
   std::vector<double> from, to;
   double pitch = 0;
+  std::vector<double> stretch;  // of a lattice, per direction
   std::vector<std::int64_t> counts;
   std::int64_t count = 0;
   std::string file;

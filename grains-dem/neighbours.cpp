@@ -246,7 +246,7 @@ void rebuild_list(const Domain<D>& domain, const ListSettings& settings, State<D
   };
   std::vector<Part> parts(blocks);
   state.row_start.assign(n + 1, 0);
-#pragma omp parallel for schedule(static) if (blocks > 1)
+#pragma omp parallel for schedule(static) if (blocks >= kParallelBlocks)
   for (std::size_t b = 0; b < blocks; ++b) {
     Part& part = parts[b];
     std::vector<Candidate> row;

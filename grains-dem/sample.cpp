@@ -92,12 +92,14 @@ GroupGrains<D> place_group(const GroupScene& group) {
             // Rows (and layers) of a triangular lattice lie in the gaps of the one below.
             const double shift = group.triangular ? 0.5 * static_cast<double>((r + l) % 2) : 0.0;
             Vector<D> x{};
-            x[0] = group.from[0] + p * (column + shift);
-            x[1] = group.from[1] + p * row * (group.triangular ? std::sqrt(0.75) : 1.0);
+            x[0] = p * (column + shift);
+            x[1] = p * row * (group.triangular ? std::sqrt(0.75) : 1.0);
             if constexpr (D == 3) {
               if (group.triangular) x[1] += p * std::sqrt(1.0 / 12) * static_cast<double>(l % 2);
-              x[2] = group.from[2] + p * layer * (group.triangular ? std::sqrt(2.0 / 3) : 1.0);
+              x[2] = p * layer * (group.triangular ? std::sqrt(2.0 / 3) : 1.0);
             }
+            for (std::size_t axis = 0; axis < d; ++axis)
+              x[axis] = group.from[axis] + group.stretch[axis] * x[axis];
             grains.position.insert(grains.position.end(), x.begin(), x.end());
           }
       grains.radius = draw_radii(group.grading, grains.position.size() / d, group.seed, D);
@@ -152,13 +154,20 @@ GroupGrains<D> place_group(const GroupScene& group) {
     grains.spin.insert(grains.spin.end(), group.spin.begin(), group.spin.begin() + s);
   }
   if (group.random_velocity > 0) {
+    // No mean, and exactly the given root mean square per component.
     Vector<D> mean{};
     std::vector<double> extra(d * n);
     for (std::size_t k = 0; k < d * n; ++k) {
-      extra[k] = group.random_velocity * random.normal();
+      extra[k] = random.normal();
       mean[k % d] += extra[k] / static_cast<double>(n);
     }
-    for (std::size_t k = 0; k < d * n; ++k) grains.velocity[k] += extra[k] - mean[k % d];
+    double squares = 0;
+    for (std::size_t k = 0; k < d * n; ++k) {
+      extra[k] -= mean[k % d];
+      squares += extra[k] * extra[k];
+    }
+    const double scale = n > 1 ? group.random_velocity / std::sqrt(squares / static_cast<double>(d * n)) : 0;
+    for (std::size_t k = 0; k < d * n; ++k) grains.velocity[k] += scale * extra[k];
   }
   return grains;
 }

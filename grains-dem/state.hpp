@@ -15,6 +15,9 @@ namespace estuary::grains {
 /// threads gives the same bits.
 inline constexpr std::size_t kBlockSize = 1024;
 
+/// From how many blocks on threads share the work: below, waiting for each other costs more than it brings.
+inline constexpr std::size_t kParallelBlocks = 4;
+
 inline std::size_t block_count(std::size_t grains) {
   return (grains + kBlockSize - 1) / kBlockSize;
 }
