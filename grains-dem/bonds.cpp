@@ -164,6 +164,10 @@ double add_bond_forces(const BondLaw& law, const Domain<D>& domain, double dt, B
       } else {
         force = (pull + normal_damping * opening) * normal + elastic_shear + shear_damping * sliding;
         damped[b] = dt * (normal_damping * opening * opening + shear_damping * dot(sliding, sliding));
+        const double spinning = 1 / (state.inverse_inertia[i] + state.inverse_inertia[j]);
+        const double turn_damping = 2 * law.damping * std::sqrt(law.normal_stiffness * s.inertia * spinning);
+        bending = bending + turn_damping * turning;
+        damped[b] += dt * turn_damping * dot(turning, turning);
         const Spin<D> of_force = arm_times_force(half * normal, force);
         moment_i = of_force + bending;
         moment_j = of_force - bending;

@@ -52,6 +52,13 @@ Plan plan_of(const GrainsScene& scene) {
       radii = group.radii;
     else
       radii = draw_radii(group.grading, count_grains(group, scene.dimension), group.seed, scene.dimension);
+    // Says now when grains do not fit.
+    if (group.kind == GroupScene::Kind::spread) {
+      if (scene.dimension == 2)
+        place_group<2>(group);
+      else
+        place_group<3>(group);
+    }
     count += radii.size();
     if (group.held) held += radii.size();
     for (const double r : radii) {

@@ -1,0 +1,308 @@
+// The grains as a participant: scenes refused, checkpoints, forces of a fluid, the wet surface of a solid.
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+#include <unistd.h>
+
+#include "grains.hpp"
+
+namespace estuary::grains {
+namespace {
+
+using testing::HasSubstr;
+
+const char* const kHeap = R"(
+title = "heap"
+dimension = 2
+[coupling]
+mode = "transient"
+window = 0.01
+end_time = 1.0
+[grains]
+density = 2000
+normal_stiffness = 1e6
+restitution = 0.5
+friction = 0.4
+gravity = [0, -9.81]
+periodic = ["x"]
+walls = ["bottom"]
+[grains.box]
+from = [0, 0]
+to = [0.2, 1]
+[[grains.group]]
+count = 60
+from = [0, 0]
+to = [0.2, 0.3]
+[grains.group.grading]
+law = "beta"
+minimum_radius = 0.006
+maximum_radius = 0.012
+[[watch]]
+name = "all"
+participant = "grains"
+[[watch]]
+name = "one"
+participant = "grains"
+grain = 7
+[[watch]]
+name = "middle"
+participant = "grains"
+from = [0, 0.02]
+to = [0.2, 0.06]
+[[watch]]
+name = "floor"
+participant = "grains"
+wall = "bottom"
+[[watch]]
+name = "elsewhere"
+participant = "fluid"
+line = [[0, 0], [1, 1]]
+)";
+
+std::string replaced(std::string text, const std::string& what, const std::string& with) {
+  const auto at = text.find(what);
+  EXPECT_NE(at, std::string::npos) << what;
+  return text.replace(at, what.size(), with);
+}
+
+struct Running {
+  Grains grains;
+  Plan plan;
+  v1::Exchange brought;
+  ProgressBoard board;
+  std::filesystem::path folder;
+
+  explicit Running(const std::string& text, const v1::Exchange& initial = {}) {
+    Scene scene = Scene::parse(text, "scene.toml");
+    plan = grains.configure(scene, "grains");
+    for (const auto& problem : scene.problems()) ADD_FAILURE() << describe("scene.toml", problem);
+    static int number = 0;
+    folder = std::filesystem::temp_directory_path() /
+             ("grains-dem-" + std::to_string(::getpid()) + "-" + std::to_string(++number));
+    brought = grains.start(initial, folder);
+  }
+  ~Running() { std::filesystem::remove_all(folder); }
+
+  AdvanceResult step(std::uint64_t window, const v1::Exchange& inputs = {}, std::uint64_t iteration = 1) {
+    return grains.advance({.number = window,
+                           .iteration = iteration,
+                           .mode = Mode::transient,
+                           .time = 0.01 * static_cast<double>(window - 1),
+                           .duration = 0.01},
+                          inputs, board);
+  }
+};
+
+double value_of(const AdvanceResult& result, const std::string& watch, const std::string& quantity) {
+  for (const auto& entry : result.watches)
+    if (entry.name == watch)
+      for (const auto& [name, value] : entry.quantities)
+        if (name == quantity) return value;
+  ADD_FAILURE() << watch << "." << quantity << " is not there";
+  return 0;
+}
+
+std::vector<std::string> problems_of(const std::string& text) {
+  Scene scene = Scene::parse(text, "scene.toml");
+  Grains grains;
+  grains.configure(scene, "grains");
+  std::vector<std::string> messages;
+  for (const auto& problem : scene.problems()) messages.push_back(problem.message);
+  return messages;
+}
+
+TEST(Configure, PlansAGoodScene) {
+  const Running run(kHeap);
+  EXPECT_EQ(run.plan.variant, "discs-linear-friction-spring");
+  EXPECT_TRUE(run.plan.warnings.empty()) << run.plan.warnings.front();
+  EXPECT_FALSE(run.plan.left_out.empty());
+  EXPECT_FALSE(run.brought.has_grain_states());
+}
+
+struct Refusal {
+  const char *what, *with, *message;
+};
+class Refuses : public testing::TestWithParam<Refusal> {};
+INSTANTIATE_TEST_SUITE_P(
+    Scenes, Refuses,
+    testing::Values(
+        Refusal{"mode = \"transient\"", "mode = \"steady\"", "transient"},
+        Refusal{"density = 2000", "density = -1", "density"}, Refusal{"density = 2000", "", "density"},
+        Refusal{"restitution = 0.5", "restitution = 1.5", "restitution"},
+        Refusal{"restitution = 0.5", "restitution = 0.5\nnormal_law = \"hertz\"", "spheres"},
+        Refusal{"friction = 0.4", "friction = 0.4\nfrictoin_law = \"spring\"", "friction_law"},
+        Refusal{"friction = 0.4", "friction = 0.4\nrolling_friction = 0.01", "rolling_law"},
+        Refusal{"periodic = [\"x\"]", "periodic = [\"z\"]", "not an axis"},
+        Refusal{"walls = [\"bottom\"]", "walls = [\"left\"]", "periodic direction"},
+        Refusal{"walls = [\"bottom\"]", "walls = [\"below\"]", "not a side"},
+        Refusal{"to = [0.2, 1]", "to = [-1, 1]", "beyond"}, Refusal{"count = 60", "", "positions"},
+        Refusal{"count = 60", "count = 6000", "do not fit"},
+        Refusal{"count = 60", "file = \"no such file\"", "grading"},
+        Refusal{"maximum_radius = 0.012", "maximum_radius = 0.001", "smaller"},
+        Refusal{"wall = \"bottom\"", "wall = \"top\"", "no wall"},
+        Refusal{"grain = 7", "point = [0, 0]", "grain"},
+        Refusal{"[[watch]]", "[grains.bond]\nnormal_stiffness = 1\n[[watch]]", "shear_stiffness"},
+        Refusal{"[[watch]]", "[grains.lubrication]\nviscosity = 1\ncutoff = 1\nminimum_gap = 2\n[[watch]]",
+                "smaller"},
+        Refusal{"[[watch]]", "[[grains.wall]]\nname = \"bottom\"\npoint = [0,0]\nnormal = [0,1]\n[[watch]]",
+                "second wall"},
+        Refusal{"[[watch]]", "[[grains.wall]]\nname = \"w\"\npoint = [0,0]\nnormal = [0,0]\n[[watch]]",
+                "zero"}));
+TEST_P(Refuses, WithAReason) {
+  const auto messages = problems_of(replaced(kHeap, GetParam().what, GetParam().with));
+  EXPECT_THAT(messages, testing::Contains(HasSubstr(GetParam().message)));
+}
+
+TEST(Heap, RestsOnItsFloorWithItsWeight) {
+  std::string scene =
+      replaced(kHeap, "[[watch]]",
+               "[grains.deposit]\ngravity = [0, -9.81]\nend_time = 3.0\ntolerance = 2e-4\n[[watch]]");
+  Running run(scene);
+  AdvanceResult result;
+  for (std::uint64_t window = 1; window <= 60; ++window) {
+    result = run.step(window);
+    run.grains.accept();
+  }
+  double weight = 0;
+  for (const auto& [name, value] : run.plan.derived)
+    if (name == "mass of the moving grains") weight = 9.81 * std::stod(value);
+  EXPECT_NEAR(value_of(result, "floor", "force_y"), -weight, 0.01 * weight);
+  EXPECT_LT(value_of(result, "all", "maximum_speed"), 5e-3);
+  const double porosity = value_of(result, "middle", "porosity");
+  EXPECT_GT(porosity, 0.1);
+  EXPECT_LT(porosity, 0.25);
+  // What lies above the middle presses on it, about.
+  EXPECT_GT(value_of(result, "middle", "stress_yy"), 0);
+  run.grains.stop();
+  EXPECT_TRUE(std::filesystem::exists(run.folder / "sample.csv"));
+  // The sample starts another scene.
+  const std::string from_file = replaced(
+      replaced(replaced(kHeap, "count = 60", "file = \"" + (run.folder / "sample.csv").string() + "\""),
+               "from = [0, 0]\nto = [0.2, 0.3]", ""),
+      "[grains.group.grading]\nlaw = \"beta\"\nminimum_radius = 0.006\nmaximum_radius = 0.012\n", "");
+  Running again(from_file);
+  EXPECT_LT(value_of(again.step(1), "all", "maximum_speed"), 0.02);
+}
+
+TEST(Deposit, FindsTheFrictionOfATargetPorosity) {
+  const std::string text =
+      replaced(kHeap, "[[watch]]",
+               "[grains.deposit]\ngravity = [0, -9.81]\nend_time = 5.0\ntolerance = 1e-3\ntarget_porosity = "
+               "0.18\nporosity_tolerance = 0.01\n[[watch]]");
+  try {
+    Running run(text);
+    const double porosity = value_of(run.step(1), "middle", "porosity");
+    EXPECT_NEAR(porosity, 0.18, 0.05);
+  } catch (const NotConverged& error) {
+    ADD_FAILURE() << error.what();
+  }
+}
+
+TEST(Checkpoint, GoesOnBitForBit) {
+  Running first(kHeap);
+  for (std::uint64_t window = 1; window <= 20; ++window) {
+    first.step(window);
+    first.grains.accept();
+  }
+  first.grains.save(first.folder / "checkpoint.h5");
+  Running second(kHeap);
+  second.grains.load(first.folder / "checkpoint.h5");
+  for (std::uint64_t window = 21; window <= 40; ++window) {
+    const auto a = first.step(window), b = second.step(window);
+    for (const char* quantity : {"kinetic_energy", "dissipated", "centre_y", "energy_error"})
+      ASSERT_EQ(value_of(a, "all", quantity), value_of(b, "all", quantity))
+          << quantity << " in window " << window;
+    ASSERT_EQ(value_of(a, "one", "position_x"), value_of(b, "one", "position_x"));
+    first.grains.accept();
+    second.grains.accept();
+  }
+  Running other(replaced(kHeap, "count = 60", "count = 50"));
+  EXPECT_THROW(other.grains.load(first.folder / "checkpoint.h5"), std::runtime_error);
+}
+
+TEST(Frame, IsWritten) {
+  Running run(kHeap);
+  for (const auto& file : run.grains.frame(0, 0.0)) EXPECT_TRUE(std::filesystem::exists(run.folder / file));
+}
+
+// In a fluid: buoyancy by reduced gravity, forces taken, states given.
+TEST(Fluid, ForcesMoveGrainsAndWeightIsReduced) {
+  std::string text = replaced(kHeap, "[[watch]]", "[fluid]\n[grains.fluid]\ndensity = 1000\n[[watch]]");
+  text = replaced(text, "count = 60\nfrom = [0, 0]\nto = [0.2, 0.3]", "positions = [[0.1, 0.5]]");
+  text =
+      replaced(text, "[grains.group.grading]\nlaw = \"beta\"\nminimum_radius = 0.006\nmaximum_radius = 0.012",
+               "radius = 0.01");
+  text = replaced(text, "grain = 7", "grain = 0");
+  Running run(text);
+  ASSERT_TRUE(run.brought.has_grain_states());
+  EXPECT_EQ(run.brought.grain_states().radius(0), 0.01);
+  v1::Exchange inputs;
+  inputs.mutable_grain_forces()->add_force(0.3);
+  inputs.mutable_grain_forces()->add_force(0);
+  inputs.mutable_grain_forces()->add_torque(1e-4);
+  const auto result = run.step(1, inputs);
+  const double mass = 2000 * 3.14159265358979 * 1e-4;
+  EXPECT_NEAR(value_of(result, "one", "velocity_x"), 0.3 / mass * 0.01, 1e-12);
+  EXPECT_NEAR(value_of(result, "one", "velocity_y"), -0.5 * 9.81 * 0.01, 1e-12);
+  EXPECT_NEAR(value_of(result, "one", "spin"), 1e-4 * 0.01 / (0.5 * mass * 1e-4), 1e-9);
+  EXPECT_EQ(result.outputs.grain_states().velocity(0), value_of(result, "one", "velocity_x"));
+  inputs.mutable_grain_forces()->add_torque(1);
+  EXPECT_THROW(run.step(2, inputs), BadInput);
+  inputs.mutable_grain_forces()->mutable_torque()->RemoveLast();
+  inputs.mutable_grain_forces()->set_force(0, NAN);
+  EXPECT_THROW(run.step(2, inputs), BadInput);
+}
+
+TEST(Margin, GrainsTouchBeforeTheirSurfacesMeet) {
+  std::string text = replaced(kHeap, "friction = 0.4", "friction = 0.4\ncontact_margin = 0.001");
+  text = replaced(text, "count = 60\nfrom = [0, 0]\nto = [0.2, 0.3]",
+                  "positions = [[0.05, 0.5], [0.0715, 0.5], [0.15, 0.5], [0.1725, 0.5]]");
+  text =
+      replaced(text, "[grains.group.grading]\nlaw = \"beta\"\nminimum_radius = 0.006\nmaximum_radius = 0.012",
+               "radius = 0.01");
+  text = replaced(text, "grain = 7", "grain = 0");
+  text = replaced(text, "gravity = [0, -9.81]", "gravity = [0, 0]");
+  text = replaced(text, "from = [0, 0.02]", "from = [0, 0.48]");
+  text = replaced(text, "to = [0.2, 0.06]", "to = [0.2, 0.52]");
+  Running run(text);
+  auto result = run.step(1);
+  // True surfaces 1.5 mm apart touch with a margin of 1 mm on each; 2.5 mm apart they do not.
+  EXPECT_GT(std::abs(value_of(result, "one", "velocity_x")), 0);
+  EXPECT_NEAR(value_of(result, "middle", "porosity"), 1 - 4 * 3.14159265 * 1e-4 / (0.2 * 0.04), 1e-6);
+}
+
+// Beside a solid: its surface holds grains, moves them and feels them; a window can be repeated.
+TEST(Solid, SurfaceActsAndFeels) {
+  std::string text = replaced(kHeap, "[[watch]]", "[solid]\n[[watch]]");
+  text = replaced(text, "count = 60\nfrom = [0, 0]\nto = [0.2, 0.3]", "positions = [[0.1, 0.5099]]");
+  text =
+      replaced(text, "[grains.group.grading]\nlaw = \"beta\"\nminimum_radius = 0.006\nmaximum_radius = 0.012",
+               "radius = 0.01");
+  text = replaced(text, "grain = 7", "grain = 0");
+  v1::Exchange initial;
+  auto* surface = initial.mutable_wet_surface();
+  surface->set_identity(5);
+  surface->set_dimension(2);
+  for (const double x : {0.0, 0.5, 0.2, 0.5}) surface->add_reference_positions(x);
+  surface->add_connectivity(0);
+  surface->add_connectivity(1);
+  auto* displacements = initial.mutable_displacements();
+  displacements->set_surface(5);
+  for (int k = 0; k < 4; ++k) {
+    displacements->add_displacement(0);
+    displacements->add_velocity(0);
+  }
+  Running run(text, initial);
+  v1::Exchange inputs;
+  *inputs.mutable_displacements() = initial.displacements();
+  const auto first = run.step(1, inputs);
+  ASSERT_EQ(first.outputs.forces().force_size(), 4);
+  const double down = first.outputs.forces().force(1) + first.outputs.forces().force(3);
+  EXPECT_LT(down, 0);
+  EXPECT_DOUBLE_EQ(first.outputs.forces().force(1), first.outputs.forces().force(3));
+  const auto again = run.step(1, inputs, 2);
+  EXPECT_EQ(again.outputs.forces().force(1), first.outputs.forces().force(1));
+  EXPECT_EQ(value_of(again, "one", "position_y"), value_of(first, "one", "position_y"));
+}
+
+}  // namespace
+}  // namespace estuary::grains
