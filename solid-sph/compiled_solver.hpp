@@ -88,6 +88,13 @@ public:
     else
       return laws_[body_.member[i]].stress_across(f);
   }
+  double stretch_across(std::size_t i) const override {
+    const Tensor<double> f = tensor_at(fields_.deformation_gradient, i);
+    if constexpr (kHistory)
+      return laws_[body_.member[i]].stretch_across(f, &history_[Law::history_size * i]);
+    else
+      return laws_[body_.member[i]].stretch_across(f);
+  }
   bool symmetric_tangent() const override { return Law::hyperelastic; }
 
   void advance(State& state, const Loading& loading, double duration, std::uint64_t steps, double damping,

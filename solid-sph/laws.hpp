@@ -65,6 +65,12 @@ struct SaintVenantKirchhoff {
     return 0.5 * constants.lambda * (exx + eyy) * (exx + eyy) +
            constants.mu * (exx * exx + eyy * eyy + 2 * exy * exy);
   }
+  /// Stretch across the plane: 1 in plane strain; in plane stress what no stress there asks for.
+  [[nodiscard]] double stretch_across(const Tensor<double>& f) const {
+    if (constants.lambda_across != 0 || constants.lambda == 0) return 1;
+    const double trace = 0.5 * (f.xx * f.xx + f.yx * f.yx + f.xy * f.xy + f.yy * f.yy - 2);
+    return std::sqrt(std::max(1e-6, 1 - constants.lambda / constants.mu * trace));
+  }
   /// Cauchy stress across the plane [Pa].
   [[nodiscard]] double stress_across(const Tensor<double>& f) const {
     const double trace = 0.5 * (f.xx * f.xx + f.yx * f.yx + f.xy * f.xy + f.yy * f.yy - 2);
@@ -102,6 +108,8 @@ struct HookeAlmansi {
   [[nodiscard]] double energy_density(const Tensor<double>& f) const {
     return 0.5 * determinant(f) * contraction(cauchy(f), almansi_strain(f));
   }
+  // The thesis's law in the plane: areas change, the thickness does not.
+  [[nodiscard]] static double stretch_across(const Tensor<double>&) { return 1; }
   [[nodiscard]] double stress_across(const Tensor<double>& f) const {
     const Tensor<double> e = almansi_strain(f);
     return constants.lambda_across * (e.xx + e.yy);
@@ -129,6 +137,7 @@ struct NeoHooke {
     return 0.5 * constants.mu * (contraction(f, f) - 2) - constants.mu * log_j +
            0.5 * constants.lambda * log_j * log_j;
   }
+  [[nodiscard]] static double stretch_across(const Tensor<double>&) { return 1; }
   [[nodiscard]] double stress_across(const Tensor<double>& f) const {
     const double j = determinant(f);
     return constants.lambda_across * std::log(j) / j;
@@ -162,6 +171,7 @@ struct NeoHookeIsochoric {
     return 0.5 * constants.mu * (std::pow(j, -2.0 / 3.0) * (contraction(f, f) + 1) - 3) +
            0.5 * bulk() * (0.5 * (j * j - 1) - std::log(j));
   }
+  [[nodiscard]] static double stretch_across(const Tensor<double>&) { return 1; }
   [[nodiscard]] double stress_across(const Tensor<double>& f) const {
     const double j = determinant(f), shape = constants.mu * std::pow(j, -5.0 / 3.0);
     return shape * (1 - (contraction(f, f) + 1) / 3) + 0.5 * bulk() * (j - 1 / j);

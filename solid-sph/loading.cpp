@@ -1,6 +1,7 @@
 #include "loading.hpp"
 
 #include <algorithm>
+#include <cmath>
 
 namespace estuary::solid {
 
@@ -8,7 +9,7 @@ ExternalForces::ExternalForces(const Body& body, const Loading& loading) : body_
   for (const ParticleLoad& load : loading.loads)
     touched_.insert(touched_.end(), load.particle.begin(), load.particle.end());
   for (const TractionLoad& load : loading.tractions)
-    touched_.insert(touched_.end(), load.particle.begin(), load.particle.end());
+    for (const auto& segment : load.segment) touched_.insert(touched_.end(), segment.begin(), segment.end());
   for (const PressureLoad& load : loading.pressures)
     for (const auto& segment : load.segment) touched_.insert(touched_.end(), segment.begin(), segment.end());
   std::sort(touched_.begin(), touched_.end());
@@ -31,10 +32,17 @@ void ExternalForces::set(double fraction, double time, std::span<const double> d
             factor * (load.start[2 * k + c] + fraction * (load.end[2 * k + c] - load.start[2 * k + c]));
   }
   for (const TractionLoad& load : loading_.tractions)
-    for (std::size_t k = 0; k < load.particle.size(); ++k) {
-      const std::size_t i = load.particle[k];
-      const auto traction = load.traction(body_.position[2 * i], body_.position[2 * i + 1], time);
-      for (std::size_t c = 0; c < 2; ++c) force_[2 * place_[i] + c] += load.length[k] * traction[c];
+    for (const auto& [a, b] : load.segment) {
+      const double xa = body_.position[2 * a], ya = body_.position[2 * a + 1];
+      const double dx = body_.position[2 * b] - xa, dy = body_.position[2 * b + 1] - ya;
+      const double half_length = 0.5 * std::hypot(dx, dy), gauss = 0.5 / std::sqrt(3.0);
+      for (const double share : {0.5 - gauss, 0.5 + gauss}) {
+        const auto traction = load.traction(xa + share * dx, ya + share * dy, time);
+        for (std::size_t c = 0; c < 2; ++c) {
+          force_[2 * place_[a] + c] += (1 - share) * half_length * traction[c];
+          force_[2 * place_[b] + c] += share * half_length * traction[c];
+        }
+      }
     }
   for (const PressureLoad& load : loading_.pressures)
     for (const auto& [a, b] : load.segment) {

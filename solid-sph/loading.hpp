@@ -21,8 +21,7 @@ struct ParticleLoad {
 
 /// Force per reference length of a contour, constant in direction when the contour turns.
 struct TractionLoad {
-  std::vector<std::uint32_t> particle;
-  std::vector<double> length;  // of the contour a particle stands for [m]
+  std::vector<std::array<std::uint32_t, 2>> segment;  // integrated by two Gauss points each
   std::function<std::array<double, 2>(double, double, double)> traction;  // of reference x, y and t [Pa]
 };
 

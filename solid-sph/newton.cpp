@@ -456,7 +456,10 @@ EquilibriumReport NewtonSolver::solve(std::vector<double>& displacement, const L
     solver_.evaluate(displacement);
   }
   const double scale = std::sqrt(load > 0 ? load : gap);
-  if (!(scale > 0)) {
+  if (!(scale > 0) || right_hand_side_.size() == static_cast<Eigen::Index>(held_row_.size())) {
+    // Nothing pulls, or nothing is free.
+    for (std::size_t c = 0; c < 2 * n; ++c) displacement[c] += prescribed[c];
+    if (solver_.evaluate(displacement) > 0) solver_.report_breakdown(0);
     report.converged = true;
     return report;
   }

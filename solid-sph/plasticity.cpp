@@ -121,6 +121,8 @@ J2Plasticity::Result J2Plasticity::update(const Tensor<double>& f, const double*
   result.plastic = r.gamma > 0;
   const double j2d = determinant(f);
   result.across = plane == Plane::strain ? tau[2] / j2d : 0;
+  // The trial's strain across is that of the total stretch and of the plastic strain so far.
+  if (plane == Plane::stress) result.stretch = std::exp(trial[2] - 0.5 * std::log(history[3]));
   const double txx = tau[0] * cc + tau[1] * ss, tyy = tau[0] * ss + tau[1] * cc, txy = (tau[0] - tau[1]) * cs;
   const Tensor<double> inverse_transposed = scaled(cofactor(f), 1 / j2d);
   result.stress = product(Tensor<double>{txx, txy, txy, tyy}, inverse_transposed);

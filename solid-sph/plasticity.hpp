@@ -62,6 +62,7 @@ struct J2Plasticity {
     double stored = 0;      // elastic energy per reference volume
     double dissipated = 0;  // in this increment
     double across = 0;      // Cauchy stress across the plane
+    double stretch = 1;     // across the plane
     bool plastic = false;
   };
 
@@ -75,6 +76,9 @@ struct J2Plasticity {
   [[nodiscard]] double energy_density(const Tensor<double>& f, const double* history) const {
     const Result result = update(f, history, nullptr);
     return result.stored + result.dissipated;
+  }
+  [[nodiscard]] double stretch_across(const Tensor<double>& f, const double* history) const {
+    return update(f, history, nullptr).stretch;
   }
   [[nodiscard]] double stress_across(const Tensor<double>& f, const double* history) const {
     return update(f, history, nullptr).across;

@@ -211,13 +211,9 @@ Loading build_loading(const SolidScene& scene, const Body& body,
       loading.pressures.push_back(std::move(load));
       continue;
     }
-    std::vector<std::uint32_t> particles;
-    std::vector<double> lengths;
-    share_lengths(body, segments, particles, lengths);
     if (!scene_load.traction[0].empty() || !scene_load.traction[1].empty()) {
       TractionLoad load;
-      load.particle = particles;
-      load.length = lengths;
+      load.segment = segments;
       load.traction = [ex = keep(scene_load.traction[0]), ey = keep(scene_load.traction[1])](
                           double x, double y, double t) {
         return std::array<double, 2>{(*ex)(x, y, 0, t), (*ey)(x, y, 0, t)};
@@ -225,6 +221,9 @@ Loading build_loading(const SolidScene& scene, const Body& body,
       loading.tractions.push_back(std::move(load));
       continue;
     }
+    std::vector<std::uint32_t> particles;
+    std::vector<double> lengths;
+    share_lengths(body, segments, particles, lengths);
     double total = 0;
     for (const double length : lengths) total += length;
     ParticleLoad load;

@@ -8,8 +8,8 @@ namespace estuary::solid {
 
 std::array<double, 6> Solid::particle_stress(std::size_t i) const {
   const Tensor<double> f = tensor_at(solver_->fields().deformation_gradient, i);
-  const Tensor<double> sigma =
-      scaled(product(solver_->first_piola_kirchhoff_at(i), transposed(f)), 1 / determinant(f));
+  const Tensor<double> sigma = scaled(product(solver_->first_piola_kirchhoff_at(i), transposed(f)),
+                                      1 / (determinant(f) * solver_->stretch_across(i)));
   const double zz = solver_->stress_across(i), xy = 0.5 * (sigma.xy + sigma.yx);
   const double a = sigma.xx - sigma.yy, b = sigma.yy - zz, c = zz - sigma.xx;
   const auto& history = solver_->history();

@@ -83,6 +83,7 @@ public:
   [[nodiscard]] virtual std::array<double, 16> tangent_at(std::size_t particle) const = 0;
   [[nodiscard]] virtual Tensor<double> first_piola_kirchhoff_at(std::size_t particle) const = 0;
   [[nodiscard]] virtual double stress_across(std::size_t particle) const = 0;
+  [[nodiscard]] virtual double stretch_across(std::size_t particle) const = 0;
   /// Dissipated by plastic flow and damage up to the last commit [J/m].
   [[nodiscard]] virtual double plastic_work() const = 0;
   [[nodiscard]] virtual bool symmetric_tangent() const = 0;

@@ -166,7 +166,8 @@ Rows without_sawtooth(const Body& body, const Rows& rows, std::span<const Place>
         share = {-0.0625, 0.25, 0.625, 0.25, -0.0625};
       else
         share = {0.25, 0.5, 0.25};
-      keep_linear(share, places, at, k, body.mean_spacing());
+      // A periodic line is straight and even, and its ends are a period apart.
+      if (!periodic) keep_linear(share, places, at, k, body.mean_spacing());
     }
     std::vector<Entry> row;
     const auto reach = static_cast<std::ptrdiff_t>(share.size() / 2);
