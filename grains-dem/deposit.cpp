@@ -155,6 +155,7 @@ double settle(const GrainsScene& scene, DynamicsSettings<D> settings, std::vecto
     store<D>(rest.position.data(), state.identity[i], load<D>(state.position.data(), i));
   for (double& v : rest.velocity) v = 0;
   for (double& w : rest.spin) w = 0;
+  if (scene.deposit.hold) rest.held.assign(rest.held.size(), true);
   return middle_porosity(dynamics, scene.deposit.gravity, scene.contact_margin);
 }
 

@@ -303,6 +303,7 @@ void read_deposit(SceneTable& grains, GrainsScene& result) {
   if (table->has("restitution")) deposit.restitution = table->number("restitution", {1e-6, 1});
   deposit.gravity = table->numbers("gravity", result.axes());
   deposit.end_time = table->number("end_time", Range::positive());
+  deposit.hold = table->boolean_or("hold", false);
   deposit.tolerance = table->number_or("tolerance", 1e-3, {1e-9, 1});
   if (table->has("target_porosity")) {
     deposit.target_porosity = table->number("target_porosity", {0.05, 0.95});

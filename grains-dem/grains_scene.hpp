@@ -70,6 +70,7 @@ struct DepositScene {
   std::vector<double> gravity;
   double end_time = 0;
   double tolerance = 0;  // mean speed / (gravity x diameter)^(1/2) that counts as rest
+  bool hold = false;  // keep the grains where they came to rest
   std::optional<double> target_porosity;
   double porosity_tolerance = 0.005;
 };

@@ -238,6 +238,18 @@ private:
     for (const auto& record : dynamics_->contacts())
       if (record.i == i || (!record.with_wall && record.j == i)) touching += 1;
     values.emplace_back("contacts", touching);
+    // To the nearest other grain, between true surfaces.
+    double gap = std::numeric_limits<double>::infinity();
+    const Domain<D>& domain = dynamics_->settings().domain;
+    for (std::size_t j = 0; j < state.size(); ++j) {
+      if (j == i) continue;
+      Vector<D> apart = ::estuary::grains::load<D>(state.position.data(), j) -
+                        ::estuary::grains::load<D>(state.position.data(), i);
+      for (std::size_t c = 0; c < D; ++c)
+        if (domain.periodic[c]) apart[c] -= domain.length(c) * std::round(apart[c] / domain.length(c));
+      gap = std::min(gap, norm(apart) - state.radius[i] - state.radius[j] + 2 * scene_.contact_margin);
+    }
+    if (state.size() > 1) values.emplace_back("nearest_gap", gap);
     for (std::size_t c = 0; c < D && !given_force_.empty(); ++c)
       values.emplace_back(std::string("fluid_force_") + kAxis[c], given_force_[D * grain + c]);
     return values;
@@ -326,6 +338,10 @@ private:
                                                        {"coordination", mobile > 0 ? touches / mobile : 0},
                                                        {"maximum_overlap", deepest},
                                                        {"maximum_speed", fastest}};
+    // When two grains first touched, at the end of a window; -1 before.
+    for (const auto& record : contacts)
+      if (!record.with_wall && first_contact_ < 0) first_contact_ = state.time;
+    values.emplace_back("first_contact_time", first_contact_);
     if (scene_.bond.active) {
       double whole = 0;
       for (const auto broken : dynamics_->bonds().broken) whole += broken ? 0 : 1;
@@ -355,6 +371,7 @@ private:
   std::optional<std::size_t> surface_wall_;
   std::vector<double> mass_, pressure_force_, given_force_;
   Vector<D> fluid_force_{};
+  mutable double first_contact_ = -1;  // found while watching [s]
   StepLimit limit_;
 };
 
