@@ -45,7 +45,8 @@ Flow::Flow(const FlowSettings& settings)
 }
 
 void Flow::set_obstacles(std::size_t nodes, std::vector<std::uint32_t> connectivity,
-                         std::span<const double> positions) {
+                         std::span<const double> positions, std::optional<WallRule> rule) {
+  outline_rule_ = rule.has_value();
   obstacles_.emplace(grid(), nodes, std::move(connectivity));
   obstacles_->place(positions, std::vector<double>(2 * nodes, 0.0), 0.0);
   obstacle_bounds_ = bounds_of(*obstacles_);
@@ -54,7 +55,19 @@ void Flow::set_obstacles(std::size_t nodes, std::vector<std::uint32_t> connectiv
   for (int y = 0; y < grid().ny; ++y)
     cells_.set_solid(y, cell_obstacle, solid[static_cast<std::size_t>(y)], uncovered);
   obstacle_links_.build(*obstacles_, cells_, cell_obstacle, populations_);
-  obstacle_edges_.build(*obstacles_, cells_, populations_);
+  if (!rule) {
+    obstacle_edges_.build(*obstacles_, cells_, populations_);
+    return;
+  }
+  outline_links_.clear();
+  for (const Links::Place& place : obstacle_links_.places()) {
+    const auto& c = D2Q9::velocity[static_cast<std::size_t>(place.direction)];
+    outline_links_.add(place.node, place.direction, place.q, *rule, {}, 0,
+                       {place.node.x + place.q * c[0], place.node.y + place.q * c[1], 0}, cells_,
+                       populations_);
+  }
+  outline_links_.finish(1);
+  obstacle_links_.clear();
 }
 
 void Flow::set_wet_surface(std::size_t nodes, std::vector<std::uint32_t> connectivity,
@@ -90,7 +103,7 @@ MoveCounts Flow::place(std::span<const double> positions, std::span<const double
   wet_links_.build(*wet_, cells_, cell_wet_solid, populations_);
   wet_edges_.build(*wet_, cells_, populations_);
   // Links of obstacles look at the node behind, which the wet solid may have covered or left.
-  if (obstacles_ && near(bounds_of(*wet_), obstacle_bounds_)) {
+  if (obstacles_ && !outline_rule_ && near(bounds_of(*wet_), obstacle_bounds_)) {
     obstacle_links_.build(*obstacles_, cells_, cell_obstacle, populations_);
     obstacle_edges_.build(*obstacles_, cells_, populations_);
   }
@@ -182,6 +195,7 @@ void Flow::apply_rules(Parity parity, bool sides_complete) {
   if (obstacles_) obstacle_links_.reflect(populations_, parity, compressible);
   if (wet_) wet_links_.reflect(populations_, parity, compressible);
   if (!bodies_.empty()) bodies_.links().reflect(populations_, parity, compressible);
+  if (!outline_links_.empty()) outline_links_.reflect(populations_, parity, compressible);
   if (!solid_node_links_.empty()) solid_node_links_.reflect(populations_, parity, compressible);
   if (obstacles_) obstacle_edges_.close(populations_, parity, compressible);
   if (wet_) wet_edges_.close(populations_, parity, compressible);
@@ -191,6 +205,7 @@ void Flow::apply_rules(Parity parity, bool sides_complete) {
 }
 
 BodyLoad Flow::body_load(std::size_t body) const {
+  if (measure_bodies_) return bodies_.mean_load(body);
   return bodies_.links().load(populations_, populations_.parity(), body);
 }
 
@@ -203,6 +218,10 @@ Force Flow::wet_force() const {
 }
 
 Force Flow::obstacle_force() const {
+  if (outline_rule_) {
+    const BodyLoad load = outline_links_.load(populations_, populations_.parity(), 0);
+    return {load.force[0], load.force[1], load.torque[2]};
+  }
   return obstacle_links_.force(populations_) + obstacle_edges_.force();
 }
 
@@ -219,7 +238,7 @@ void Flow::run(std::size_t steps) {
   for (std::size_t n = 0; n < steps; ++n) {
     const Parity parity = n % 2 == 0 ? start : other;
     if (n > 0 || !rules_applied_) apply_rules(parity, n == 0 && sides_complete_);
-    if (measure_bodies_) bodies_.add_loads(populations_, parity);
+    if (measure_bodies_ && !bodies_.empty()) bodies_.add_loads(populations_, parity);
     if (saturated_.empty()) {
       step_(populations_, parity, cells_.rows(), parameters_);
       continue;

@@ -67,8 +67,9 @@ public:
   [[nodiscard]] const Cells& cells() const { return cells_; }
 
   /// Fixed obstacles: closed outlines, walked clockwise. To be called before the first step.
+  /// With a rule their walls follow it everywhere, and edges are not treated (edge_links.hpp).
   void set_obstacles(std::size_t nodes, std::vector<std::uint32_t> connectivity,
-                     std::span<const double> positions);
+                     std::span<const double> positions, std::optional<WallRule> rule = {});
   /// The wet surface, not yet anywhere, and where its links close gradually (edge_links.hpp).
   void set_wet_surface(std::size_t nodes, std::vector<std::uint32_t> connectivity,
                        EdgeLinks::Extent closing = EdgeLinks::Extent::edges);
@@ -114,6 +115,7 @@ public:
   /// Momentum exchange on the surfaces, after `apply_boundaries`.
   [[nodiscard]] Force wet_force() const;
   [[nodiscard]] Force obstacle_force() const;
+  /// Of the last step, or the mean while bodies are measured.
   [[nodiscard]] BodyLoad body_load(std::size_t body) const;
   [[nodiscard]] BodyLoad solid_nodes_load() const;
   /// Adds up the bodies' loads in every step from now on.
@@ -145,6 +147,8 @@ private:
   SaturatedCells saturated_;
   RoundBodies bodies_;
   WallLinks solid_node_links_;
+  WallLinks outline_links_;  // of obstacles with a rule
+  bool outline_rule_ = false;
   std::vector<double> placed_;           // positions and velocities as last given
   std::vector<double> obstacle_bounds_;  // left, bottom, right, top in lattice coordinates
 };

@@ -61,14 +61,16 @@ v1::Exchange Fluid::start(const v1::Exchange& initial, const std::filesystem::pa
   output_ = std::make_unique<Output>(folder);
   if (!scene_.obstacle_connectivity.empty()) {
     flow_->set_obstacles(scene_.obstacle_positions.size() / 2, scene_.obstacle_connectivity,
-                         scene_.obstacle_positions);
+                         scene_.obstacle_positions, scene_.outline_rule);
   }
   if (!scene_.solid_nodes.empty()) flow_->set_solid_nodes(scene_.solid_nodes);
   if (initial.has_wet_surface()) take_surface(initial);
   grains_.start(initial, flow_->grid(), scene_.units);
   bodies_ = std::make_unique<BodyMotion>(scene_);
   place_bodies(0.0, 1.0, false);
-  flow_->measure_bodies(grains_.active() && scene_.grain_method == GrainMethod::interpolated);
+  // Steady loads are read once; over a window their mean is what counts, and moving walls make it smoother.
+  flow_->measure_bodies(scene_.mode == Mode::transient ||
+                        (grains_.active() && scene_.grain_method == GrainMethod::interpolated));
   if (flow_->cells().fluid_count() == 0) {
     throw BadInput("initial.wet_surface",
                    "no fluid is left: the surface encloses the whole domain, or its segments run "

@@ -57,6 +57,7 @@ struct FluidScene {
   std::vector<Expression> body_force;      // [m/s2], one per dimension, or none
   std::vector<double> obstacle_positions;  // of all polygons [m]
   std::vector<std::uint32_t> obstacle_connectivity;
+  std::optional<WallRule> outline_rule;  // of all polygons, when one of them names it
   std::vector<RoundObstacle> round_obstacles;
   std::vector<std::uint8_t> solid_nodes;  // from images and boxes, one per node; empty without
   GrainMethod grain_method = GrainMethod::partially_saturated;

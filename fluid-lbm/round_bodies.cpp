@@ -214,6 +214,16 @@ void RoundBodies::add_loads(const Populations& populations, Parity parity) {
   ++steps_;
 }
 
+BodyLoad RoundBodies::mean_load(std::size_t body) const {
+  BodyLoad load = sums_[body];
+  const double scale = steps_ > 0 ? 1.0 / static_cast<double>(steps_) : 0.0;
+  for (std::size_t axis = 0; axis < 3; ++axis) {
+    load.force[axis] *= scale;
+    load.torque[axis] *= scale;
+  }
+  return load;
+}
+
 GrainLoads RoundBodies::mean_loads() const {
   GrainLoads loads;
   const double scale = steps_ > 0 ? 1.0 / static_cast<double>(steps_) : 0.0;

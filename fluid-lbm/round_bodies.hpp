@@ -41,6 +41,7 @@ public:
   void add_loads(const Populations& populations, Parity parity);
   /// Mean since `restart_loads`.
   [[nodiscard]] GrainLoads mean_loads() const;
+  [[nodiscard]] BodyLoad mean_load(std::size_t body) const;
   void restart_loads();
 
 private:

@@ -74,6 +74,7 @@ void read_polygon(SceneTable& table, std::string_view key, const std::vector<dou
                            : "the outline encloses no area");
     return;
   }
+  if (table.has("wall_rule")) result.outline_rule = read_wall_rule(table, WallRule::linear);
   const auto first = static_cast<std::uint32_t>(result.obstacle_positions.size() / 2);
   result.obstacle_positions.insert(result.obstacle_positions.end(), points.begin(), points.end());
   Extent extent{{points[0], points[1], 0}, {points[0], points[1], 0}};

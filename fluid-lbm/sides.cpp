@@ -57,6 +57,26 @@ bool belongs_to_later_wall(const Sides& sides, const std::array<int, 3>& counts,
   return false;
 }
 
+// A component of the wall's velocity where `c` hits the side `name` at its rim. Where it hits a second wall
+// at the same time, as in a corner, each wall gives the component along its own normal: a lid that slides
+// along the top must not push fluid through the corner, which would make its flow first order.
+double velocity_at_rim(const Sides& sides, int name, const std::array<int, 3>& node,
+                       const std::array<int, 3>& c, int axis, const std::array<int, 3>& counts) {
+  const auto a = static_cast<std::size_t>(axis);
+  const int facing = 2 * axis + (c[a] > 0 ? 1 : 0);
+  const bool hits = sides[static_cast<std::size_t>(facing)].kind == SideKind::wall &&
+                    node[a] == (c[a] > 0 ? counts[a] - 1 : 0);
+  const int wall = hits ? facing : name;
+  const Side& side = sides[static_cast<std::size_t>(wall)];
+  if (side.velocity_x.empty()) return 0;
+  const SideFrame frame(wall, counts);
+  const int k =
+      node[static_cast<std::size_t>(frame.u)] + frame.along_u() * node[static_cast<std::size_t>(frame.v)];
+  const std::size_t hit = frame.wall_point(k, c);
+  if (axis == 2) return side.velocity_z.empty() ? 0.0 : side.velocity_z[hit];
+  return axis == 0 ? side.velocity_x[hit] : side.velocity_y[hit];
+}
+
 void reflect_at_wall(Populations& p, Parity parity, const Sides& sides, int name) {
   const Side& side = sides[static_cast<std::size_t>(name)];
   const LatticeTable& lattice = p.lattice();
@@ -70,11 +90,17 @@ void reflect_at_wall(Populations& p, Parity parity, const Sides& sides, int name
 #pragma omp for schedule(static) nowait
     for (int k = 0; k < frame.size(); ++k) {
       const std::array<int, 3> at = frame.node(k);
-      if (frame.on_rim(k) && belongs_to_later_wall(sides, frame.counts, name, at, c, lattice.dimension))
-        continue;
       const std::ptrdiff_t node = p.node(at[0], at[1], at[2]);
       double value = p[p.post_collision(parity, i, node)];
-      if (moving) {
+      if (frame.on_rim(k)) {
+        if (belongs_to_later_wall(sides, frame.counts, name, at, c, lattice.dimension)) continue;
+        double along_wall = 0;
+        for (int axis = 0; axis < lattice.dimension; ++axis) {
+          const auto a = static_cast<std::size_t>(axis);
+          if (c[a] != 0) along_wall += c[a] * velocity_at_rim(sides, name, at, c, axis, frame.counts);
+        }
+        value -= 6.0 * lattice.weight[i] * along_wall;
+      } else if (moving) {
         const std::size_t hit = frame.wall_point(k, c);
         double along_wall = c[0] * side.velocity_x[hit] + c[1] * side.velocity_y[hit];
         if (!side.velocity_z.empty()) along_wall += c[2] * side.velocity_z[hit];

@@ -22,7 +22,8 @@
 // periodic: what leaves enters at the opposite side.
 //
 // Where walls meet, a population that both would reflect belongs to the one later in the order left to
-// front. Where an open side meets a wall, the wall reflects first.
+// front, and each gives the component of velocity along its normal. Where an open side meets a wall, the wall
+// reflects first.
 #pragma once
 
 #include <array>

@@ -18,7 +18,9 @@ namespace {
 
 using namespace estuary::fluid;
 
-constexpr double bytes_per_update = 2.0 * D2Q9::count * sizeof(double);
+double bytes_per_update(const Flow& flow) {
+  return 2.0 * flow.populations().lattice().count * sizeof(double);
+}
 
 // Bytes per second by number of threads, as measured by `in_place_bandwidth`, which runs first.
 std::map<int, double>& bandwidth() {
@@ -101,7 +103,101 @@ void measure(benchmark::State& state, const FlowSettings& settings, bool body) {
   // On a machine that others use too the processor's time tells more than the clock; meaningful with one
   // thread.
   if (threads == 1) state.counters["M updates per processor second (best)"] = best_of_processor * 1e-6;
-  state.counters["% of memory limit (best)"] = 100 * best * bytes_per_update / bandwidth()[threads];
+  state.counters["% of memory limit (best)"] = 100 * best * bytes_per_update(flow) / bandwidth()[threads];
+  state.counters["bytes per update"] = bytes_per_update(flow);
+}
+
+// A box of n^3 nodes with a sliding lid.
+FlowSettings cube_of(int n) {
+  FlowSettings settings = settings_of(n, n, false);
+  settings.grid.nz = n;
+  const auto points = static_cast<std::size_t>((2 * n + 1) * (2 * n + 1));
+  settings.sides[top].velocity_x.assign(points, 0.05);
+  settings.sides[top].velocity_y.assign(points, 0.0);
+  settings.sides[top].velocity_z.assign(points, 0.0);
+  return settings;
+}
+void cube_cavity(benchmark::State& state) {
+  measure(state, cube_of(128), false);
+}
+
+// The same cavity with other operators, and with options that cost something.
+void variant(benchmark::State& state, const StepChoice& choice) {
+  FlowSettings settings = settings_of(1000, 200, false);
+  settings.collision = choice.collision;
+  settings.equilibrium = choice.equilibrium;
+  settings.force = choice.force;
+  settings.viscosity = choice.viscosity;
+  settings.law.base_viscosity = 0.02;
+  settings.law.smagorinsky_constant = 0.1;
+  settings.law.consistency = 0.02;
+  settings.law.index = 0.7;
+  settings.law.largest = 1;
+  measure(state, settings, false);
+}
+
+// Solid nodes at random, walls half-way between: porosity 0.4. Updates of fluid nodes are counted.
+void porous(benchmark::State& state) {
+  const int threads = static_cast<int>(state.range(0));
+  omp_set_num_threads(threads);
+  Flow flow(settings_of(1000, 1000, false));
+  std::vector<std::uint8_t> solid(flow.grid().size(), 0);
+  // Discs of radius 12, as many as it takes.
+  std::uint64_t seed = 1;
+  std::size_t covered = 0;
+  while (covered < solid.size() * 6 / 10) {
+    seed = seed * 6364136223846793005ULL + 1442695040888963407ULL;
+    const auto x0 = static_cast<int>(seed >> 40) % 1000;
+    const auto y0 = static_cast<int>(seed >> 20 & 0xfffff) % 1000;
+    for (int y = std::max(0, y0 - 12); y < std::min(1000, y0 + 13); ++y) {
+      for (int x = std::max(0, x0 - 12); x < std::min(1000, x0 + 13); ++x) {
+        if ((x - x0) * (x - x0) + (y - y0) * (y - y0) > 144) continue;
+        std::uint8_t& node = solid[flow.grid().index(x, y)];
+        covered += node == 0 ? 1 : 0;
+        node = 1;
+      }
+    }
+  }
+  flow.set_solid_nodes(solid);
+  const double nodes = static_cast<double>(flow.cells().fluid_count());
+  double best = 0;
+  for (auto _ : state) {
+    const double begin = omp_get_wtime();
+    flow.run(20);
+    const double seconds = omp_get_wtime() - begin;
+    state.SetIterationTime(seconds);
+    best = std::max(best, nodes * 20 / seconds);
+  }
+  state.counters["porosity"] = nodes / static_cast<double>(solid.size());
+  state.counters["M updates/s"] =
+      benchmark::Counter(nodes * 20 * 1e-6, benchmark::Counter::kIsIterationInvariantRate);
+  state.counters["M updates/s (best)"] = best * 1e-6;
+}
+
+// Discs as partially saturated cells, moving every step: a third of the domain.
+void moving_grains(benchmark::State& state) {
+  omp_set_num_threads(static_cast<int>(state.range(0)));
+  FlowSettings settings = settings_of(500, 500, false);
+  Flow flow(settings);
+  Grains grains;
+  for (int n = 0; n < 1000; ++n) {
+    grains.centre.insert(grains.centre.end(), {10.0 + 15.4 * (n % 32), 10.0 + 15.4 * (n / 32)});
+    grains.radius.push_back(5.2);
+    grains.velocity.insert(grains.velocity.end(), {0.002, 0.001});
+    grains.spin.push_back(0);
+  }
+  for (auto _ : state) {
+    const double begin = omp_get_wtime();
+    for (int step = 0; step < 20; ++step) {
+      flow.place_grains(grains);
+      flow.run(1);
+      for (std::size_t k = 0; k < grains.centre.size(); ++k) grains.centre[k] += grains.velocity[k];
+    }
+    state.SetIterationTime(omp_get_wtime() - begin);
+  }
+  state.counters["M updates/s"] =
+      benchmark::Counter(20 * static_cast<double>(flow.cells().fluid_count()) * 1e-6,
+                         benchmark::Counter::kIsIterationInvariantRate);
 }
 
 void cavity(benchmark::State& state) {
@@ -157,6 +253,25 @@ BENCHMARK(channel_with_moving_body)
     ->UseManualTime()
     ->Unit(benchmark::kMillisecond)
     ->MinTime(1.0);
+BENCHMARK(cube_cavity)->Arg(1)->Arg(2)->UseManualTime()->Unit(benchmark::kMillisecond)->MinTime(1.0);
+BENCHMARK(porous)->Arg(1)->Arg(2)->UseManualTime()->Unit(benchmark::kMillisecond)->MinTime(1.0);
+BENCHMARK(moving_grains)->Arg(1)->Arg(2)->UseManualTime()->Unit(benchmark::kMillisecond)->MinTime(1.0);
+
+#define ESTUARY_VARIANT(name, ...)                             \
+  BENCHMARK_CAPTURE(variant, name, StepChoice{2, __VA_ARGS__}) \
+      ->Arg(1)                                                 \
+      ->UseManualTime()                                        \
+      ->Unit(benchmark::kMillisecond)                          \
+      ->MinTime(0.5)
+ESTUARY_VARIANT(trt, CollisionModel::trt, EquilibriumModel::incompressible);
+ESTUARY_VARIANT(trt_with_force, CollisionModel::trt, EquilibriumModel::incompressible, ForceModel::guo);
+ESTUARY_VARIANT(bgk, CollisionModel::bgk, EquilibriumModel::incompressible);
+ESTUARY_VARIANT(recursive_regularised, CollisionModel::recursive_regularised, EquilibriumModel::compressible);
+ESTUARY_VARIANT(central_moment, CollisionModel::central_moment, EquilibriumModel::compressible);
+ESTUARY_VARIANT(smagorinsky, CollisionModel::trt, EquilibriumModel::incompressible, ForceModel::none,
+                ViscosityModel::smagorinsky);
+ESTUARY_VARIANT(power_law, CollisionModel::trt, EquilibriumModel::incompressible, ForceModel::none,
+                ViscosityModel::generalised_newtonian);
 BENCHMARK(small_channel)->Arg(1)->UseManualTime()->Unit(benchmark::kMillisecond)->MinTime(0.5);
 
 }  // namespace
