@@ -11,7 +11,8 @@ namespace estuary::coupler {
 namespace {
 
 constexpr std::array<std::string_view, 3> roles = {"fluid", "solid", "grains"};
-constexpr std::array<std::string_view, 6> statistics = {"last", "min", "max", "mean", "amplitude", "phase"};
+constexpr std::array<std::string_view, 7> statistics = {"last",      "min",   "max",      "mean",
+                                                        "amplitude", "phase", "frequency"};
 
 std::string default_program(std::string_view role) {
   if (role == "fluid") return "fluid-lbm";
@@ -181,7 +182,8 @@ void read_watches(SceneTable& root, CouplingScene& result) {
       watch.angular_frequency = table.number("angular_frequency", Range::positive());
     watch.from_time = table.number_or("from_time", 0.0, Range::not_negative());
     // Where to look is the participant's business.
-    table.leave_to_others({"point", "line", "samples", "grain", "wall", "from", "to"});
+    table.leave_to_others({"point", "line", "samples", "grain", "wall", "from", "to", "obstacle",
+                           "reference_length", "reference_velocity", "exact_velocity"});
     if (watch.name.find_first_not_of("abcdefghijklmnopqrstuvwxyzABCDEFGHIJKLMNOPQRSTUVWXYZ0123456789_-") !=
         std::string::npos) {
       table.problem("name", "a watch is named with letters, digits, '_' and '-': it becomes a file name");
