@@ -54,6 +54,7 @@ std::unique_ptr<Acceleration> make_acceleration(const AccelerationSettings& sett
                                          .most_columns = settings.most_columns,
                                          .filter = settings.filter,
                                          .filter_limit = settings.filter_limit,
+                                         .remainder = settings.remainder,
                                          .fields = settings.fields};
   switch (settings.kind) {
     case AccelerationKind::none:

@@ -74,6 +74,7 @@ struct AccelerationSettings {
   std::size_t most_columns = 100;
   ColumnFilter filter = ColumnFilter::qr2;
   double filter_limit = 1e-2;
+  double remainder = 1.0;
   std::vector<std::size_t> fields;  // for the residual-sum preconditioner; empty without
 };
 std::unique_ptr<Acceleration> make_acceleration(const AccelerationSettings& settings);

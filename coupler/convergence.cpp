@@ -8,14 +8,15 @@ namespace {
 
 // A displacement this many times the size of the wet surface is no solution of anything.
 constexpr double absurd_displacement = 1e3;
-// An increment that grew this much over the window's first belongs to a diverging iteration.
+// An increment that grew this much over the window's first few belongs to a diverging iteration.
 constexpr double diverging_growth = 1e6;
+constexpr std::uint64_t early_iterations = 3;
 // Velocities below this share of the largest so far need no relative accuracy: the surface is turning round.
 constexpr double slow_velocity = 1e-2;
 // Displacements below this share of the surface's size count as zero: nothing moves, and that is converged.
 constexpr double zero_displacement = 1e-14;
 // This many iterations in a row without any gain is a stall.
-constexpr std::uint64_t stalling_iterations = 25;
+constexpr std::uint64_t stalling_iterations = 50;
 constexpr double least_gain = 0.99;
 
 }  // namespace
@@ -27,9 +28,11 @@ Convergence::Convergence(const CouplingScene& scene, double displacement_scale)
       window_(scene.window) {}
 
 void Convergence::begin_window() {
-  best_increment_ = std::numeric_limits<double>::infinity();
+  best_displacement_ = std::numeric_limits<double>::infinity();
+  best_force_ = best_displacement_;
   best_at_ = 0;
-  first_ = true;
+  judged_ = 0;
+  early_increment_ = 0;
 }
 
 double Convergence::relative(Field field) const {
@@ -66,7 +69,7 @@ bool Convergence::holds(const Measure& measure) const {
 }
 
 bool Convergence::grows(const IterationNorms& norms) const {
-  const double first = std::max(of(Field::displacement).first_increment, 1e-12 * scale_);
+  const double first = std::max(early_increment_, 1e-12 * scale_);
   return norms.displacement > absurd_displacement * scale_ ||
          norms.displacement_increment > diverging_growth * first;
 }
@@ -76,21 +79,27 @@ Verdict Convergence::judge(const IterationNorms& norms, std::uint64_t iteration)
     Norm& norm = fields_[static_cast<std::size_t>(field)];
     norm.increment = increment;
     norm.size = size;
-    if (first_) norm.first_increment = increment;
+    if (judged_ == 0) norm.first_increment = increment;
   };
   set(Field::displacement, norms.displacement_increment, norms.displacement);
   set(Field::velocity, norms.velocity_increment, norms.velocity);
   set(Field::force, norms.force_increment, norms.force);
-  first_ = false;
+  // In a parallel scheme the first answers belong to no load at all.
+  if (++judged_ <= early_iterations)
+    early_increment_ = std::max(early_increment_, norms.displacement_increment);
   if (grows(norms)) return Verdict::diverged;
   if (iteration >= least_iterations_ &&
       std::all_of(measures_.begin(), measures_.end(), [this](const Measure& m) { return holds(m); })) {
     return Verdict::converged;
   }
-  if (norms.displacement_increment < least_gain * best_increment_) {
-    best_increment_ = norms.displacement_increment;
-    best_at_ = iteration;
-  }
+  const auto gains = [](double increment, double& best) {
+    if (!(increment < least_gain * best)) return false;
+    best = increment;
+    return true;
+  };
+  const bool displacement_gains = gains(norms.displacement_increment, best_displacement_);
+  const bool force_gains = gains(norms.force_increment, best_force_);
+  if (displacement_gains || force_gains) best_at_ = iteration;
   return iteration >= best_at_ + stalling_iterations ? Verdict::stalled : Verdict::go_on;
 }
 

@@ -50,10 +50,13 @@ private:
   double scale_;
   double window_;
   std::array<Norm, 3> fields_{};
-  bool first_ = true;  // nothing judged yet in this window
+  std::uint64_t judged_ = 0;    // iterations since begin_window
+  double early_increment_ = 0;  // largest of the displacement in the first of them
   double largest_velocity_ = 0;
-  double best_increment_ = 0;  // of the displacement in this window
-  std::uint64_t best_at_ = 0;  // iteration
+  // Smallest increments in this window, and the last iteration that had one.
+  double best_displacement_ = 0;
+  double best_force_ = 0;
+  std::uint64_t best_at_ = 0;
 };
 
 }  // namespace estuary::coupler

@@ -39,6 +39,7 @@ AccelerationSettings settings_of(const CouplingScene& scene, std::size_t values)
                                 .most_columns = static_cast<std::size_t>(scene.max_used_columns),
                                 .filter = scene.filter,
                                 .filter_limit = scene.filter_limit,
+                                .remainder = 1.0,
                                 .fields = {}};
   if (scene.residual_sum) {
     const std::size_t fields =
@@ -212,7 +213,10 @@ bool CouplingLoop::more_care(const RunFailure& failure) {
   care_ = care_ == Care::normal ? Care::without_history : Care::small_steps;
   const bool small = care_ == Care::small_steps;
   AccelerationSettings settings = settings_of(scene_, accepted_.forces.size());
-  if (small) settings.relaxation *= small_step;
+  if (small) {
+    settings.relaxation *= small_step;
+    settings.remainder = small_step;
+  }
   acceleration_ = make_acceleration(settings);
   ++recoveries_;
   spdlog::warn("window {}: tried again {} after iteration {}: {}", position_.window,

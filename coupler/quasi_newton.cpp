@@ -32,6 +32,12 @@ void relax(double factor, std::span<const double> residual, std::span<double> it
   for (std::size_t i = 0; i < iterate.size(); ++i) iterate[i] += factor * residual[i];
 }
 
+// `answer` + W c, less what is not wanted of the residual's part outside V, which is minus `right`.
+void take_step(const std::vector<double>& answer, const std::vector<double>& right, double remainder,
+               std::span<double> iterate) {
+  for (std::size_t i = 0; i < iterate.size(); ++i) iterate[i] = answer[i] + (1 - remainder) * right[i];
+}
+
 // One field as long as the iterate unless the settings say otherwise.
 std::vector<std::size_t> fields_for(const std::vector<std::size_t>& fields, std::size_t size) {
   return fields.empty() ? std::vector<std::size_t>{size} : fields;
@@ -218,7 +224,7 @@ void InterfaceQuasiNewton::update(std::span<const double> residual, std::span<do
     return;
   }
   factor_ = 1;
-  std::copy(answer.begin(), answer.end(), iterate.begin());
+  take_step(answer, right, settings_.remainder, iterate);
 }
 
 MultiVectorQuasiNewton::MultiVectorQuasiNewton(QuasiNewtonSettings settings)
@@ -261,7 +267,7 @@ void MultiVectorQuasiNewton::update(std::span<const double> residual, std::span<
     return;
   }
   factor_ = 1;
-  std::copy(answer.begin(), answer.end(), iterate.begin());
+  take_step(answer, right, settings_.remainder, iterate);
 }
 
 }  // namespace estuary::coupler

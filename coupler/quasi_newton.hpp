@@ -21,6 +21,9 @@ struct QuasiNewtonSettings {
   std::size_t most_columns = 100;  // of one least-squares problem
   ColumnFilter filter = ColumnFilter::qr2;
   double filter_limit = 1e-2;
+  /// Factor of the part of the residual that the columns cannot represent. Below 1 for problems whose plain
+  /// iteration must not be followed even once.
+  double remainder = 1.0;
   /// Lengths of the fields that make up the iterate, for the residual-sum preconditioner: each field is
   /// divided by the sum over the window's iterations of its share of the residual's norm. Empty: no
   /// preconditioner.

@@ -17,6 +17,7 @@ QuasiNewtonSettings settings(double relaxation, std::size_t windows_reused, doub
           .most_columns = 100,
           .filter = ColumnFilter::qr2,
           .filter_limit = filter_limit,
+          .remainder = 1.0,
           .fields = {}};
 }
 
