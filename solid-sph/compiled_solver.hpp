@@ -46,6 +46,7 @@ public:
       if constexpr (Stabilised) fields_.spring_share.assign(body.size(), 1.0);
       for (std::size_t i = 0; i < body.size(); ++i)
         history_.insert(history_.end(), Law::kRest.begin(), Law::kRest.end());
+      rest_history_ = history_;
     }
   }
 

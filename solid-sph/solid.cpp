@@ -8,6 +8,7 @@
 #include <cstring>
 
 #include "scene_body.hpp"
+#include "updated_lagrangian.hpp"
 #include "wet_surface.hpp"
 
 namespace estuary::solid {
@@ -54,7 +55,10 @@ void Solid::build() {
   body_ = build_body(scene_);
   SolverOptions options = scene_.solver_options();
   for (Material& material : options.materials) material.viscosity.smoothing_length = body_.smoothing_length;
-  solver_ = make_solver(scene_.law, body_, options);
+  if (scene_.updated_lagrangian)
+    solver_ = std::make_unique<UpdatedLagrangianSolver>(body_, options);
+  else
+    solver_ = make_solver(scene_.law, body_, options);
   newton_.reset();
   if (scene_.mode == Mode::steady && scene_.method == SteadyMethod::newton)
     newton_ = std::make_unique<NewtonSolver>(*solver_);

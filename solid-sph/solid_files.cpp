@@ -13,7 +13,7 @@ std::array<double, 6> Solid::particle_stress(std::size_t i) const {
   const double zz = solver_->stress_across(i), xy = 0.5 * (sigma.xy + sigma.yx);
   const double a = sigma.xx - sigma.yy, b = sigma.yy - zz, c = zz - sigma.xx;
   const auto& history = solver_->history();
-  const double plastic = history.empty() ? 0.0 : history[J2Plasticity::history_size * i + 4];
+  const double plastic = !scene_.plastic() ? 0.0 : history[J2Plasticity::history_size * i + 4];
   return {sigma.xx, sigma.yy, xy, zz, std::sqrt(0.5 * (a * a + b * b + c * c) + 3 * xy * xy), plastic};
 }
 
@@ -34,7 +34,7 @@ void Solid::write_particles(const std::filesystem::path& file) const {
   for (auto& values : stress) values.resize(n);
   for (auto& values : gradient) values.resize(n);
   const auto& history = solver_->history();
-  std::vector<double> damage(history.empty() ? 0 : n);
+  std::vector<double> damage(scene_.plastic() ? n : 0);
   for (std::size_t i = 0; i < n; ++i) {
     for (std::size_t c = 0; c < 2; ++c)
       position[2 * i + c] = body_.position[2 * i + c] + state_.displacement[2 * i + c];

@@ -83,6 +83,10 @@ Plan plan_of(const SolidScene& scene) {
       plan.warnings.push_back(fmt::format(
           "poisson_ratio = {} is close to incompressible: law = \"neo_hooke_isochoric\" is made for it",
           body.material.poisson_ratio));
+  if (scene.single_box() && scene.bodies.front().material.poisson_ratio > 0.45 &&
+      scene.placement == Placement::on_contour && std::fmod(across, 2.0) == 0)
+    plan.warnings.emplace_back(
+        "an even number of rows stiffens bending near incompressibility; use an even particles_across");
   if (scene.order == Order::linear && scene.placement == Placement::cell_centres && across < 20)
     plan.warnings.push_back(
         fmt::format("correction = \"linear\" with {} particles across makes bending too soft "
@@ -116,6 +120,14 @@ Plan plan_of(const SolidScene& scene) {
   constexpr std::array<const char*, 5> kLaws{SaintVenantKirchhoff::name, HookeAlmansi::name, NeoHooke::name,
                                              NeoHookeIsochoric::name, J2Plasticity::name};
   const char* law = kLaws[static_cast<std::size_t>(scene.law)];
+  if (scene.updated_lagrangian) {
+    plan.variant = "2d-updated-lagrangian-hypoelastic";
+    plan.warnings.emplace_back(
+        "formulation = \"updated_lagrangian\" is there for comparison: in tension its particles clump and "
+        "fracture "
+        "numerically; its law is hypoelastic (Jaumann)");
+    return plan;
+  }
   plan.variant = fmt::format("2d-{}-plane-{}-{}{}{}", law, scene.plane == Plane::strain ? "strain" : "stress",
                              scene.order == Order::linear ? "linear" : "quadratic",
                              scene.stabilisation > 0 ? "-stabilised" : "", viscous ? "-viscous" : "");

@@ -37,6 +37,11 @@ void read_method(SceneTable& solid, SolidScene& result) {
           ? solid.choice("correction", corrections) == "quadratic" ? Order::quadratic : Order::linear
       : on_contour ? Order::linear
                    : Order::quadratic;
+  constexpr std::array<std::string_view, 2> formulations{"total_lagrangian", "updated_lagrangian"};
+  result.updated_lagrangian = solid.choice("formulation", formulations) == "updated_lagrangian";
+  if (result.updated_lagrangian && (result.mode == Mode::steady || result.periodic || result.plastic()))
+    solid.problem("formulation",
+                  "\"updated_lagrangian\" is for transient runs of elastic bodies that are not periodic");
   constexpr std::array<std::string_view, 3> kernels{"cubic_spline", "quintic_spline", "wendland"};
   const std::string kernel = solid.choice("kernel", kernels);
   result.kernel = static_cast<Kernel>(std::find(kernels.begin(), kernels.end(), kernel) - kernels.begin());

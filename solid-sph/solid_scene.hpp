@@ -77,6 +77,7 @@ struct SolidScene {
   std::vector<BodyScene> bodies;
   double spacing = 0;  // [m]
   Placement placement = Placement::on_contour;
+  bool updated_lagrangian = false;
   Clamp clamp = Clamp::line;
   bool periodic = false;
   LawName law = LawName::saint_venant_kirchhoff;
@@ -103,6 +104,7 @@ struct SolidScene {
   double window = 0;    // [s]
   double end_time = 0;  // [s]
 
+  [[nodiscard]] bool plastic() const { return law == LawName::j2_plasticity; }
   [[nodiscard]] bool single_box() const { return bodies.size() == 1 && bodies.front().shape == Shape::box; }
   [[nodiscard]] ElasticConstants constants(std::size_t body) const;
   [[nodiscard]] double wave_speed(std::size_t body) const;

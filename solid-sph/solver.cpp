@@ -1,11 +1,14 @@
 #include "solver.hpp"
 
 #include <cmath>
+#include <utility>
 
 namespace estuary::solid {
 
 double Solver::reference_stable_step() {
   if (stable_step_ > 0) return stable_step_;
+  // Of the body at rest, whenever it is asked for: a resumed run must take the same steps.
+  const std::vector<double> kept = std::exchange(history_, rest_history_);
   const std::size_t n = body_.size();
   std::vector<double> mode(2 * n), zero(2 * n, 0.0);
   // A start without symmetry, so that it has a part in every mode.
@@ -39,6 +42,7 @@ double Solver::reference_stable_step() {
   evaluate(zero);
   rest_stiffness_ = 0;
   rest_stiffness_ = stiffening();
+  history_ = kept;
   // Power iteration approaches the largest frequency from below.
   stable_step_ = squared_frequency > 0 ? 2 / std::sqrt(1.05 * squared_frequency) : 1.0;
   return stable_step_;

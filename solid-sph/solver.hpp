@@ -114,6 +114,7 @@ protected:
   Neighbourhood pairs_;
   Fields fields_;
   std::vector<double> history_;
+  std::vector<double> rest_history_;  // of the undeformed body
   double stable_step_ = 0;
   double rest_stiffness_ = 0;
 };

@@ -148,6 +148,17 @@ INSTANTIATE_TEST_SUITE_P(
         Refusal{"to = [1.025, 0.1]", "to = [0.9, 0.1]", "right of and above"},
         Refusal{"point = [1.0125, 0.1]", "point = [1.0125, 0.2]", "outside"},
         Refusal{"[[watch]]", "[[solid.load]]\nside = \"bottom\"\nforce = [1, 0]\n[[watch]]", "no effect"},
+        Refusal{"[[watch]]", "[[solid.load]]\nside = \"top\"\n[[watch]]", "give one of"},
+        Refusal{"[[watch]]", "[[solid.load]]\nside = \"top\"\npressure = \"p +\"\n[[watch]]", ""},
+        Refusal{"[[watch]]", "[[solid.hold]]\nside = \"top\"\ncomponents = [\"z\"]\n[[watch]]", "can be held"},
+        Refusal{"[[watch]]", "[[solid.hold]]\nbody = \"other\"\n[[watch]]", "has the name"},
+        Refusal{"[[watch]]", "[[solid.body]]\nname = \"a\"\n[[watch]]", "belongs into"},
+        Refusal{"poisson_ratio = 0.3", "poisson_ratio = 0.3\nyield_stress = 5", "j2_plasticity"},
+        Refusal{"poisson_ratio = 0.3", "poisson_ratio = 0.3\nhardening_modulus = 5", "yield_stress"},
+        Refusal{"poisson_ratio = 0.3", "poisson_ratio = 0.3\nformulation = \"updated_lagrangian\"",
+                "transient"},
+        Refusal{"poisson_ratio = 0.3", "poisson_ratio = 0.3\npolygon = [[0,0],[1,1],[1,0],[0,1]]",
+                "give one of"},
         Refusal{"[[watch]]", "[[solid.load]]\nside = \"top\"\nforce = [1, 0]\nramp = \"t +\"\n[[watch]]",
                 ""}));
 
@@ -179,6 +190,99 @@ TEST(Configure, WarnsAboutThinAndIncompressibleBodies) {
   text = replaced(text, "poisson_ratio = 0.3", "poisson_ratio = 0.495");
   const Running run(text);
   EXPECT_EQ(run.plan.warnings.size(), 2u);
+}
+
+const char* const kTwoBodies = R"(
+title = "two"
+dimension = 2
+[coupling]
+mode = "transient"
+window = 0.001
+end_time = 0.01
+[solid]
+solver = "solid-sph"
+spacing = 0.01
+density = 1000
+young_modulus = 1e6
+poisson_ratio = 0.3
+law = "j2_plasticity"
+wet = ["contour"]
+viscosity_linear = 0.2
+[[solid.body]]
+name = "block"
+box = { from = [0.0, 0.0], to = [0.1, 0.05] }
+yield_stress = 500.0
+velocity = ["0.4 * x", "0"]
+[[solid.body]]
+name = "disc"
+disc = { centre = [0.3, 0.0], radius = 0.05 }
+density = 2000
+velocity = ["0", "1"]
+[[solid.hold]]
+body = "block"
+side = "left"
+[[solid.load]]
+body = "disc"
+pressure = "1000 * t"
+[[watch]]
+name = "totals"
+participant = "solid"
+)";
+
+TEST(Bodies, EachHasItsOwnMaterialMotionAndConditions) {
+  Running run(kTwoBodies);
+  EXPECT_EQ(run.plan.variant, "2d-j2-plane-strain-linear-stabilised-viscous");
+  const auto& surface = run.brought.wet_surface();
+  EXPECT_FALSE(surface.closed());  // the block's held side is dry
+  const int nodes = surface.reference_positions_size() / 2;
+  EXPECT_EQ(surface.connectivity_size() / 2, nodes - 1);  // one open line, one closed
+  v1::Exchange inputs;
+  inputs.mutable_forces()->set_surface(surface.identity());
+  inputs.mutable_forces()->mutable_force()->Resize(2 * nodes, 0.0);
+  AdvanceResult result;
+  for (std::uint64_t w = 1; w <= 10; ++w) {
+    result = run.solid.advance({.number = w,
+                                .iteration = 1,
+                                .mode = Mode::transient,
+                                .time = 0.001 * static_cast<double>(w - 1),
+                                .duration = 0.001},
+                               inputs, run.board);
+    run.solid.accept();
+  }
+  const double disc_mass = 2000 * 3.14159265358979 * 0.05 * 0.05;
+  EXPECT_NEAR(value_of(result, "totals", "momentum_y") / disc_mass, 1, 2e-3);
+  EXPECT_GT(value_of(result, "totals", "plastic_work"), 0);
+  // Nothing is lost: what came in as motion and work is stored or taken.
+  const double start = 0.5 * disc_mass + 0.5 * 1000 * 0.05 * 0.16 * 0.001 / 3;
+  EXPECT_NEAR(value_of(result, "totals", "total_energy") / start, 1, 2e-3);
+  const auto files = run.solid.frame(1, 0.01);
+  EXPECT_EQ(files.size(), 2u);
+}
+
+TEST(Bodies, GoOnBitForBitAfterALoadWithTheirHistory) {
+  const auto step = [](Running& run, std::uint64_t w) {
+    v1::Exchange inputs;
+    inputs.mutable_forces()->set_surface(run.brought.wet_surface().identity());
+    inputs.mutable_forces()->mutable_force()->Resize(run.brought.wet_surface().reference_positions_size(),
+                                                     0.0);
+    auto result = run.solid.advance({.number = w,
+                                     .iteration = 1,
+                                     .mode = Mode::transient,
+                                     .time = 0.001 * static_cast<double>(w - 1),
+                                     .duration = 0.001},
+                                    inputs, run.board);
+    run.solid.accept();
+    return result;
+  };
+  Running one(kTwoBodies), two(kTwoBodies);
+  for (std::uint64_t w = 1; w <= 3; ++w) step(one, w);
+  const auto file = one.folder / "state.h5";
+  one.solid.save(file);
+  two.solid.load(file);
+  const auto straight = step(one, 4), resumed = step(two, 4);
+  EXPECT_EQ(straight.outputs.SerializeAsString(), resumed.outputs.SerializeAsString());
+  for (const char* quantity : {"plastic_work", "viscous_work", "total_energy"})
+    EXPECT_EQ(value_of(straight, "totals", quantity), value_of(resumed, "totals", quantity)) << quantity;
 }
 
 TEST(Transient, RepeatedIterationGivesTheSameBits) {
