@@ -58,7 +58,7 @@ void sweep_walls(const LawFunctions<D>& law, double dt, const std::vector<Wall<D
     const Wall<D>& wall = walls[contact.wall];
     ContactKinematics<D> k;
     NearestPoint<D> nearest;
-    double* history = &state.wall_history[memory * n];
+    double* history = state.wall_history.data() + memory * n;
     wall_force[n] = {};
     if (!wall_kinematics(wall, contact, state, k, nearest)) {
       std::fill_n(history, memory, 0.0);
@@ -101,7 +101,7 @@ std::vector<ContactRecord<D>> measure_contacts(const LawFunctions<D>& law, const
       record.j = static_cast<std::uint32_t>(j);
       record.kinematics =
           pair_kinematics(state, i, j, (1 / distance) * record.branch, distance, state.root_mass[k]);
-      measure(record, input.constants, &state.history[memory * k], memory);
+      measure(record, input.constants, state.history.data() + memory * k, memory);
     }
   const std::size_t wall_memory =
       state.wall_contact.empty() ? 0 : (state.wall_history.size() - 8) / state.wall_contact.size();
@@ -114,7 +114,7 @@ std::vector<ContactRecord<D>> measure_contacts(const LawFunctions<D>& law, const
     record.j = contact.wall;
     record.with_wall = true;
     record.branch = nearest.distance * nearest.normal;
-    measure(record, walls[contact.wall].constants, &state.wall_history[wall_memory * n], wall_memory);
+    measure(record, walls[contact.wall].constants, state.wall_history.data() + wall_memory * n, wall_memory);
   }
   return records;
 }

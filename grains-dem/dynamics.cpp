@@ -198,7 +198,7 @@ void Dynamics<D>::gather(std::size_t b) {
   constexpr std::size_t width = D + spin_components<D>;
   for (std::size_t k = cross_.incoming_start[b]; k < cross_.incoming_start[b + 1]; ++k) {
     const std::size_t j = cross_.incoming_grain[k];
-    const double* value = &cross_.value[width * cross_.incoming_slot[k]];
+    const double* value = cross_.value.data() + width * cross_.incoming_slot[k];
     for (std::size_t c = 0; c < D; ++c) state_.force[D * j + c] += value[c];
     for (std::size_t c = 0; c < spin_components<D>; ++c)
       state_.torque[spin_components<D> * j + c] += value[D + c];

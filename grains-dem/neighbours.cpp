@@ -187,7 +187,8 @@ void collect(const Grid<D>& grid, const Domain<D>& domain, const std::array<Vect
     at = low;
     bool empty = false;
     for (std::size_t c = 0; c < static_cast<std::size_t>(D); ++c) empty = empty || low[c] > high[c];
-    while (!empty) {
+    if (empty) continue;
+    for (;;) {
       std::size_t cell = 0;
       std::uint32_t code = 0;
       for (std::size_t c = D; c-- > 0;) {
@@ -267,7 +268,7 @@ void rebuild_list(const Domain<D>& domain, const ListSettings& settings, State<D
         const std::uint32_t second = turned ? origin[i] : origin[j];
         for (std::uint32_t k = former.row_start[first]; k < former.row_start[first + 1]; ++k) {
           if (former.partner[k] != second) continue;
-          std::copy_n(&former.history[memory * k], memory, &part.history[at]);
+          std::copy_n(former.history.data() + memory * k, memory, part.history.data() + at);
           if (turned)
             for (std::size_t h = 0; h < memory; ++h) part.history[at + h] *= settings.turned_sign[h];
           break;

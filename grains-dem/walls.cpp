@@ -91,7 +91,7 @@ void rebuild_wall_contacts(const Domain<D>& domain, const std::vector<Wall<D>>& 
         state.wall_history.resize(at + memory, 0.0);
         for (std::uint32_t k = first[origin[i]]; k < first[origin[i] + 1]; ++k)
           if (former[k].wall == w && former[k].element == element)
-            std::copy_n(&former_history[memory * k], memory, &state.wall_history[at]);
+            std::copy_n(former_history.data() + memory * k, memory, state.wall_history.data() + at);
       };
       if (wall.is_plane()) {
         if (dot(x - wall.point, wall.normal) < reach) note(0);
