@@ -14,29 +14,6 @@ namespace {
 
 constexpr double missing = std::numeric_limits<double>::quiet_NaN();
 
-// From the first to the last time that the values rise through the middle between their extremes, linear
-// between samples. A rise counts when the values were in the lowest quarter since the last one, so that noise
-// around the middle is not taken for periods.
-double frequency_of(const WatchSeries& series, std::size_t first) {
-  const auto begin = series.value.begin() + static_cast<std::ptrdiff_t>(first);
-  const auto [low, high] = std::minmax_element(begin, series.value.end());
-  const double middle = 0.5 * (*low + *high);
-  const double lowest_quarter = *low + 0.25 * (*high - *low);
-  bool armed = false;
-  double first_rise = 0;
-  double last_rise = 0;
-  int rises = 0;
-  for (std::size_t n = first + 1; n < series.value.size(); ++n) {
-    armed = armed || series.value[n - 1] < lowest_quarter;
-    if (!armed || !(series.value[n - 1] < middle && series.value[n] >= middle)) continue;
-    armed = false;
-    const double part = (middle - series.value[n - 1]) / (series.value[n] - series.value[n - 1]);
-    last_rise = series.time[n - 1] + part * (series.time[n] - series.time[n - 1]);
-    if (rises++ == 0) first_rise = last_rise;
-  }
-  return rises > 1 ? (rises - 1) / (last_rise - first_rise) : missing;
-}
-
 double statistic_of(const WatchSeries& series, const std::string& statistic, const WatchScene& watch) {
   if (series.value.empty()) return missing;
   if (statistic == "last") return series.value.back();
@@ -49,7 +26,7 @@ double statistic_of(const WatchSeries& series, const std::string& statistic, con
       std::lower_bound(series.time.begin(), series.time.end(), watch.from_time) - series.time.begin());
   const auto begin = series.value.begin() + first;
   if (begin == series.value.end()) return missing;
-  if (statistic == "frequency") return frequency_of(series, static_cast<std::size_t>(first));
+  if (statistic == "frequency") return frequency_of(series, watch.from_time);
   if (statistic == "min") return *std::min_element(begin, series.value.end());
   if (statistic == "max") return *std::max_element(begin, series.value.end());
   if (statistic == "mean") {
@@ -86,6 +63,29 @@ double value_of(const std::string& quantity, const CouplingScene& scene, const R
 }
 
 }  // namespace
+
+double frequency_of(const WatchSeries& series, double from_time) {
+  const auto first = static_cast<std::size_t>(
+      std::lower_bound(series.time.begin(), series.time.end(), from_time) - series.time.begin());
+  const auto begin = series.value.begin() + static_cast<std::ptrdiff_t>(first);
+  if (begin == series.value.end()) return missing;
+  const auto [low, high] = std::minmax_element(begin, series.value.end());
+  const double middle = 0.5 * (*low + *high);
+  const double lowest_quarter = *low + 0.25 * (*high - *low);
+  bool armed = false;
+  double first_rise = 0;
+  double last_rise = 0;
+  int rises = 0;
+  for (std::size_t n = first + 1; n < series.value.size(); ++n) {
+    armed = armed || series.value[n - 1] < lowest_quarter;
+    if (!armed || !(series.value[n - 1] < middle && series.value[n] >= middle)) continue;
+    armed = false;
+    const double part = (middle - series.value[n - 1]) / (series.value[n] - series.value[n - 1]);
+    last_rise = series.time[n - 1] + part * (series.time[n] - series.time[n - 1]);
+    if (rises++ == 0) first_rise = last_rise;
+  }
+  return rises > 1 ? (rises - 1) / (last_rise - first_rise) : missing;
+}
 
 Harmonic fit_harmonic(const WatchSeries& series, double angular_frequency, double from_time) {
   const double period = 2 * std::numbers::pi / angular_frequency;

@@ -36,6 +36,12 @@ struct Harmonic {
 };
 Harmonic fit_harmonic(const WatchSeries& series, double angular_frequency, double from_time);
 
+/// Oscillations per second after `from_time` [s]: from the first to the last time that the values rise
+/// through the middle between their extremes, linear between samples. A rise counts when the values were in
+/// the lowest quarter since the last one, so that noise around the middle is not taken for periods. Not a
+/// number without a whole period.
+double frequency_of(const WatchSeries& series, double from_time);
+
 /// The table a person reads at the end of a run.
 std::string check_table(const std::vector<CheckResult>& results, double wall_s);
 

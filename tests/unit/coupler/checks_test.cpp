@@ -36,6 +36,16 @@ TEST(FitHarmonic, LeavesTheTransientOut) {
   EXPECT_NEAR(fit_harmonic(series, 2 * std::numbers::pi, 3.0).amplitude, 1.0, 1e-10);
 }
 
+TEST(Frequency, CountsRisesAndNotNoise) {
+  // cosine(amplitude, phase, mean, angular frequency, end, samples): 1.7 Hz, with a small fast ripple.
+  WatchSeries series = cosine(2.0, 30, 5.0, 2 * std::numbers::pi * 1.7, 10.0, 4000);
+  EXPECT_NEAR(frequency_of(series, 2.0), 1.7, 1e-4);
+  for (std::size_t n = 0; n < series.value.size(); ++n) series.value[n] += n % 2 == 0 ? 0.2 : -0.2;
+  EXPECT_NEAR(frequency_of(series, 2.0), 1.7, 0.01);
+  EXPECT_TRUE(std::isnan(frequency_of(series, 9.8)));
+  EXPECT_TRUE(std::isnan(frequency_of(series, 11.0)));
+}
+
 TEST(FitHarmonic, NeedsAWholePeriod) {
   EXPECT_TRUE(std::isnan(fit_harmonic(cosine(1, 0, 0, 1.0, 3.0, 100), 1.0, 0.0).amplitude));
 }
