@@ -83,16 +83,25 @@ void reflect_at_wall(Populations& p, Parity parity, const Sides& sides, int name
   const SideFrame frame(name, {p.nx(), p.ny(), p.nz() > 0 ? p.nz() : 1});
   const auto normal = static_cast<std::size_t>(frame.axis);
   const bool moving = !side.velocity_x.empty();
+  // Nodes of a side lie in rows of equal distances.
+  const auto place = [&](int k) {
+    const std::array<int, 3> at = frame.node(k);
+    return p.node(at[0], at[1], at[2]);
+  };
+  const std::ptrdiff_t origin = place(0);
+  const std::ptrdiff_t along = frame.along_u() > 1 ? place(1) - origin : 0;
+  const std::ptrdiff_t up = frame.along_v() > 1 ? place(frame.along_u()) - origin : 0;
   for (int i = 1; i < lattice.count; ++i) {
     const auto& c = lattice.velocity[i];
     if (c[normal] != frame.outward) continue;
     const int o = lattice.opposite[i];
 #pragma omp for schedule(static) nowait
     for (int k = 0; k < frame.size(); ++k) {
-      const std::array<int, 3> at = frame.node(k);
-      const std::ptrdiff_t node = p.node(at[0], at[1], at[2]);
+      const int row = frame.row(k);
+      const std::ptrdiff_t node = origin + row * up + (k - row * frame.along_u()) * along;
       double value = p[p.post_collision(parity, i, node)];
-      if (frame.on_rim(k)) {
+      if (frame.on_rim(k, lattice.dimension)) {
+        const std::array<int, 3> at = frame.node(k);
         if (belongs_to_later_wall(sides, frame.counts, name, at, c, lattice.dimension)) continue;
         double along_wall = 0;
         for (int axis = 0; axis < lattice.dimension; ++axis) {
