@@ -206,7 +206,8 @@ void CouplingLoop::compute_window() {
   }
 }
 
-// A window can be tried again where participants go back to its start.
+// A window can be tried again where participants go back to its start. The care stays for the windows after
+// it: what was learnt with it is worth more than the larger steps.
 bool CouplingLoop::more_care(const RunFailure& failure) {
   const bool goes_back = scene_.mode == CouplingMode::transient && scene_.implicit() && solid_ != nullptr;
   if (!failure.curable || !scene_.recover || !goes_back || care_ == Care::small_steps) return false;

@@ -92,8 +92,6 @@ public:
   [[nodiscard]] std::size_t columns() const { return columns_used_; }
 
 private:
-  void make_room(std::size_t size);
-
   QuasiNewtonSettings settings_;
   double factor_;
   std::size_t columns_used_ = 0;

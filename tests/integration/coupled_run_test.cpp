@@ -240,11 +240,11 @@ TEST_F(Tube, NeedsFewIterationsAndAlwaysComesToTheSameFlow) {
   EXPECT_LE(mean_iterations("acceleration = \"aitken\"\nrelaxation = 0.01"), 30.0);
   EXPECT_NEAR(pressure_, pressure, 1e-3 * std::abs(pressure));
   // Relaxed little, the parallel iteration leaves the range of the tube; tried again with care it does not.
-  for (const char* relaxation : {"0.01", "0.5"}) {
+  for (const auto& [relaxation, most] : {std::pair{"0.01", 12.0}, {"0.5", 6.0}}) {
     EXPECT_LE(mean_iterations(
                   std::string("scheme = \"parallel-implicit\"\nacceleration = \"iqn-ils\"\nrelaxation = ") +
                   relaxation),
-              15.0);
+              most);
     EXPECT_NEAR(pressure_, pressure, 1e-3 * std::abs(pressure));
   }
 }
