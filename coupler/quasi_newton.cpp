@@ -182,75 +182,27 @@ std::size_t ColumnPairs::apply(std::span<double> right, std::span<double> answer
   return chosen.size();
 }
 
-InterfaceQuasiNewton::InterfaceQuasiNewton(QuasiNewtonSettings settings)
-    : settings_(std::move(settings)),
-      factor_(settings_.relaxation),
-      weights_(settings_.fields),
-      pairs_(settings_.fields) {}
-
-void InterfaceQuasiNewton::begin_window() {
-  last_residual_.clear();
-  last_answer_.clear();
-  weights_.begin_window();
-  if (columns_of_window_.front() > 0) columns_of_window_.push_front(0);
-  while (columns_of_window_.size() > settings_.windows_reused + 1) columns_of_window_.pop_back();
-  pairs_.resize(std::accumulate(columns_of_window_.begin(), columns_of_window_.end(), std::size_t{0}));
-}
-
-void InterfaceQuasiNewton::forget() {
-  pairs_.resize(0);
-  columns_of_window_.assign(1, 0);
-  begin_window();
-}
-
-void InterfaceQuasiNewton::update(std::span<const double> residual, std::span<double> iterate) {
-  if (pairs_.count() == 0) pairs_ = ColumnPairs(fields_for(settings_.fields, iterate.size()));
-  std::vector<double> answer = answer_of(residual, iterate);
-  if (!last_residual_.empty()) {
-    pairs_.push_front(difference(residual, last_residual_), difference(answer, last_answer_));
-    ++columns_of_window_.front();
-  }
-  last_residual_.assign(residual.begin(), residual.end());
-  last_answer_ = answer;
-  weights_.add(residual);
-
-  std::vector<double> right(residual.size());
-  for (std::size_t i = 0; i < right.size(); ++i) right[i] = -residual[i];
-  columns_used_ =
-      pairs_.apply(right, answer, weights_.weights(), settings_, round_off * norm_of(last_answer_));
-  if (columns_used_ == 0) {
-    factor_ = settings_.relaxation;
-    relax(factor_, residual, iterate);
-    return;
-  }
-  factor_ = 1;
-  take_step(answer, right, settings_.remainder, iterate);
-}
-
-MultiVectorQuasiNewton::MultiVectorQuasiNewton(QuasiNewtonSettings settings)
+QuasiNewton::QuasiNewton(QuasiNewtonSettings settings)
     : settings_(std::move(settings)), factor_(settings_.relaxation), weights_(settings_.fields) {}
 
-void MultiVectorQuasiNewton::begin_window() {
+void QuasiNewton::begin_window() {
   last_residual_.clear();
   last_answer_.clear();
   weights_.begin_window();
-  if (!windows_.empty() && windows_.front().count() > 0)
-    windows_.push_front(ColumnPairs(fields_for(settings_.fields, 0)));
-  while (windows_.size() > settings_.windows_reused + 1) windows_.pop_back();
 }
 
-void MultiVectorQuasiNewton::forget() {
-  windows_.clear();
-  begin_window();
+void QuasiNewton::forget() {
+  problems_.clear();
+  QuasiNewton::begin_window();
 }
 
-void MultiVectorQuasiNewton::update(std::span<const double> residual, std::span<double> iterate) {
+void QuasiNewton::update(std::span<const double> residual, std::span<double> iterate) {
   const auto fields = fields_for(settings_.fields, iterate.size());
-  if (windows_.empty()) windows_.push_front(ColumnPairs(fields));
-  if (windows_.front().count() == 0) windows_.front() = ColumnPairs(fields);
+  if (problems_.empty()) problems_.emplace_front(fields);
+  if (problems_.front().count() == 0) problems_.front() = ColumnPairs(fields);
   std::vector<double> answer = answer_of(residual, iterate);
   if (!last_residual_.empty())
-    windows_.front().push_front(difference(residual, last_residual_), difference(answer, last_answer_));
+    problems_.front().push_front(difference(residual, last_residual_), difference(answer, last_answer_));
   last_residual_.assign(residual.begin(), residual.end());
   last_answer_ = answer;
   weights_.add(residual);
@@ -259,8 +211,8 @@ void MultiVectorQuasiNewton::update(std::span<const double> residual, std::span<
   for (std::size_t i = 0; i < right.size(); ++i) right[i] = -residual[i];
   const double smallest = round_off * norm_of(last_answer_);
   columns_used_ = 0;
-  for (const ColumnPairs& window : windows_)
-    columns_used_ += window.apply(right, answer, weights_.weights(), settings_, smallest);
+  for (const ColumnPairs& problem : problems_)
+    columns_used_ += problem.apply(right, answer, weights_.weights(), settings_, smallest);
   if (columns_used_ == 0) {
     factor_ = settings_.relaxation;
     relax(factor_, residual, iterate);
@@ -268,6 +220,29 @@ void MultiVectorQuasiNewton::update(std::span<const double> residual, std::span<
   }
   factor_ = 1;
   take_step(answer, right, settings_.remainder, iterate);
+}
+
+void InterfaceQuasiNewton::begin_window() {
+  QuasiNewton::begin_window();
+  if (problems_.empty()) return;
+  const auto past = std::accumulate(columns_of_window_.begin(), columns_of_window_.end(), std::size_t{0});
+  const std::size_t columns = problems_.front().count() - past;
+  if (columns > 0) columns_of_window_.push_front(columns);
+  while (columns_of_window_.size() > settings_.windows_reused) columns_of_window_.pop_back();
+  problems_.front().resize(
+      std::accumulate(columns_of_window_.begin(), columns_of_window_.end(), std::size_t{0}));
+}
+
+void InterfaceQuasiNewton::forget() {
+  columns_of_window_.clear();
+  QuasiNewton::forget();
+}
+
+void MultiVectorQuasiNewton::begin_window() {
+  QuasiNewton::begin_window();
+  if (!problems_.empty() && problems_.front().count() > 0)
+    problems_.emplace_front(fields_for(settings_.fields, 0));
+  while (problems_.size() > settings_.windows_reused + 1) problems_.pop_back();
 }
 
 }  // namespace estuary::coupler

@@ -80,48 +80,48 @@ private:
   std::deque<Pair> pairs_;
 };
 
-/// IQN-ILS: one least-squares problem over the columns of this window and of the last `windows_reused`.
-class InterfaceQuasiNewton final : public Acceleration {
+/// What both methods do in an iteration: add the new columns to the first least-squares problem, then let
+/// each problem take its part of what the ones before it left of the residual.
+class QuasiNewton : public Acceleration {
 public:
-  explicit InterfaceQuasiNewton(QuasiNewtonSettings settings);
-  void update(std::span<const double> residual, std::span<double> iterate) override;
+  explicit QuasiNewton(QuasiNewtonSettings settings);
+  void update(std::span<const double> residual, std::span<double> iterate) final;
   void begin_window() override;
   void forget() override;
   /// The initial factor while there is no column, else 1: the step is a whole quasi-Newton step.
-  [[nodiscard]] double relaxation() const override { return factor_; }
+  [[nodiscard]] double relaxation() const final { return factor_; }
   [[nodiscard]] std::size_t columns() const { return columns_used_; }
 
-private:
+protected:
   QuasiNewtonSettings settings_;
+  std::deque<ColumnPairs> problems_;  // newest first
+
+private:
   double factor_;
   std::size_t columns_used_ = 0;
   ResidualSum weights_;
-  ColumnPairs pairs_;
-  std::deque<std::size_t> columns_of_window_{0};  // this window's first
   std::vector<double> last_residual_;
   std::vector<double> last_answer_;
+};
+
+/// IQN-ILS: one least-squares problem over the columns of this window and of the last `windows_reused`.
+class InterfaceQuasiNewton final : public QuasiNewton {
+public:
+  using QuasiNewton::QuasiNewton;
+  void begin_window() override;
+  void forget() override;
+
+private:
+  std::deque<std::size_t> columns_of_window_;  // of past windows, newest first
 };
 
 /// IQN-IMVJ (Bogaers et al. 2014): this window's columns first, then what they leave of the residual goes to
 /// the window before, and so on. That is the inverse Jacobian J_n = W_n V_n^+ + J_(n-1) (1 - V_n V_n^+)
 /// applied without ever forming it; windows older than `windows_reused` are dropped.
-class MultiVectorQuasiNewton final : public Acceleration {
+class MultiVectorQuasiNewton final : public QuasiNewton {
 public:
-  explicit MultiVectorQuasiNewton(QuasiNewtonSettings settings);
-  void update(std::span<const double> residual, std::span<double> iterate) override;
+  using QuasiNewton::QuasiNewton;
   void begin_window() override;
-  void forget() override;
-  [[nodiscard]] double relaxation() const override { return factor_; }
-  [[nodiscard]] std::size_t columns() const { return columns_used_; }
-
-private:
-  QuasiNewtonSettings settings_;
-  double factor_;
-  std::size_t columns_used_ = 0;
-  ResidualSum weights_;
-  std::deque<ColumnPairs> windows_;  // this one first
-  std::vector<double> last_residual_;
-  std::vector<double> last_answer_;
 };
 
 }  // namespace estuary::coupler
