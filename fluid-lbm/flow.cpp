@@ -255,9 +255,7 @@ void Flow::compute_fields(Fields& fields) {
   apply_boundaries();
   const auto shift = settings_.velocity_shift();
   fluid::compute_fields(populations_, cells_, settings_.equilibrium, fields, shift);
-  if (settings_.force == ForceModel::guo && !saturated_.empty()) {
-    saturated_.unshift(fields, shift, settings_.rates.even);
-  }
+  if (!saturated_.empty()) saturated_.blend_velocities(fields, settings_.rates.even);
 }
 
 void Flow::apply_boundaries() {

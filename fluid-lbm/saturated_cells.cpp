@@ -140,6 +140,20 @@ void SaturatedCells::keep(const Populations& populations, Parity parity) {
   }
 }
 
+std::array<double, 3> SaturatedCells::velocity_at(const Cover& cover) const {
+  const auto grain = static_cast<std::size_t>(cover.grain);
+  if (grains_.dimension == 3) {
+    const double* v = &grains_.velocity[3 * grain];
+    const double* w = &grains_.spin[3 * grain];
+    return {v[0] + w[1] * cover.arm[2] - w[2] * cover.arm[1],
+            v[1] + w[2] * cover.arm[0] - w[0] * cover.arm[2],
+            v[2] + w[0] * cover.arm[1] - w[1] * cover.arm[0]};
+  }
+  const double* v = &grains_.velocity[2 * grain];
+  const double w = grains_.spin[grain];
+  return {v[0] - w * cover.arm[1], v[1] + w * cover.arm[0], 0.0};
+}
+
 template <class Lattice>
 void SaturatedCells::replace_all(Populations& populations, Parity parity,
                                  const CollisionParameters& parameters, EquilibriumModel equilibrium_model) {
@@ -164,31 +178,20 @@ void SaturatedCells::replace_all(Populations& populations, Parity parity,
     for (std::size_t i = 0; i < count; ++i) {
       const auto o = Lattice::opposite[i];
       result[i] = (1 - weight) * populations[populations.incoming(parity, o, node)] +
-                  weight * (f[static_cast<std::size_t>(o)] - equilibrium<Lattice>(o, m, inverse));
+                  weight * f[static_cast<std::size_t>(o)];
     }
     for (std::uint32_t k = cell.first; k < cell.first + cell.count; ++k) {
       const Cover& cover = covers_[order_[k]];
-      const auto grain = static_cast<std::size_t>(cover.grain);
       const double share = weight * cover.fraction / cell.fraction;
-      const double* v = &grains_.velocity[dimension * grain];
-      Moments solid{m.excess, 0, 0, 0};
-      if constexpr (dimension == 3) {
-        const double* w = &grains_.spin[3 * grain];
-        solid.momentum_x = density * (v[0] + w[1] * cover.arm[2] - w[2] * cover.arm[1]);
-        solid.momentum_y = density * (v[1] + w[2] * cover.arm[0] - w[0] * cover.arm[2]);
-        solid.momentum_z = density * (v[2] + w[0] * cover.arm[1] - w[1] * cover.arm[0]);
-      } else {
-        const double w = grains_.spin[grain];
-        solid.momentum_x = density * (v[0] - w * cover.arm[1]);
-        solid.momentum_y = density * (v[1] + w * cover.arm[0]);
-      }
+      const auto v = velocity_at(cover);
+      const Moments solid{m.excess, density * v[0], density * v[1], density * v[2]};
       std::array<double, 3> push{};
       for (std::size_t i = 0; i < count; ++i) {
         const auto o = Lattice::opposite[i];
-        const double wanted = equilibrium<Lattice>(static_cast<int>(i), solid, inverse);
-        result[i] += share * wanted;
-        const double change =
-            f[static_cast<std::size_t>(o)] - f[i] + wanted - equilibrium<Lattice>(o, m, inverse);
+        const double turned = equilibrium<Lattice>(static_cast<int>(i), solid, inverse) -
+                              equilibrium<Lattice>(o, solid, inverse);
+        result[i] += share * turned;
+        const double change = f[static_cast<std::size_t>(o)] - f[i] + turned;
         for (std::size_t axis = 0; axis < 3; ++axis)
           push[axis] -= share * Lattice::velocity[i][axis] * change;
       }
@@ -227,13 +230,24 @@ void SaturatedCells::replace(Populations& populations, Parity parity, const Coll
   }
 }
 
-void SaturatedCells::unshift(Fields& fields, const std::array<double, 3>& shift, double even_rate) const {
+void SaturatedCells::blend_velocities(Fields& fields, double even_rate) const {
+  const auto dimension = static_cast<std::size_t>(grains_.dimension);
+  const double t = 1.0 / even_rate - 0.5;
   for (const Cell& cell : cells_) {
     const auto k = static_cast<std::size_t>(cell.node);
-    const double weight = weight_of(cell.fraction, 1.0 / even_rate - 0.5);
-    fields.velocity_x[k] -= weight * shift[0];
-    fields.velocity_y[k] -= weight * shift[1];
-    if (!fields.velocity_z.empty()) fields.velocity_z[k] -= weight * shift[2];
+    const double weight = weight_of(cell.fraction, t);
+    std::array<double, 3> velocity{fields.velocity_x[k], fields.velocity_y[k],
+                                   dimension == 3 ? fields.velocity_z[k] : 0.0};
+    for (double& component : velocity) component *= 1 - weight;
+    for (std::uint32_t n = cell.first; n < cell.first + cell.count; ++n) {
+      const Cover& cover = covers_[order_[n]];
+      const double share = weight * cover.fraction / cell.fraction;
+      const auto moving = velocity_at(cover);
+      for (std::size_t axis = 0; axis < 3; ++axis) velocity[axis] += share * moving[axis];
+    }
+    fields.velocity_x[k] = velocity[0];
+    fields.velocity_y[k] = velocity[1];
+    if (dimension == 3) fields.velocity_z[k] = velocity[2];
   }
 }
 

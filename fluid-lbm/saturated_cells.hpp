@@ -1,12 +1,15 @@
 // Grains in the fluid as partially saturated cells: the collision at a node depends on how much of its cell
 // the grains cover, so that nothing jumps when a grain moves across nodes and no node has to be refilled.
 //
-// Source: Noble, Torczynski, Int. J. Mod. Phys. C 9 (1998). With the share e of the cell that is solid and
-// t = tau+ - 1/2, the node's populations after the collision are
+// Source: Noble, Torczynski, Int. J. Mod. Phys. C 9 (1998), with the exchange of Holdych (PhD thesis, Univ.
+// of Illinois 2003) and Strack, Cook, Int. J. Numer. Meth. Fluids 55 (2007). With the share e of the cell
+// that is solid and t = tau+ - 1/2, the node's populations after the collision are
 //   f* = (1 - B) f*_fluid + B f + B Omega,    B = e t / (1 - e + t),
-//   Omega_i = f_o - f_i + f_i^eq(rho, u_grain) - f_o^eq(rho, u)        (o opposite of i)
-// and the grain feels - sum_i B Omega_i c_i, at the node, per step. Where several grains share a cell B is
-// divided by their shares; when they overlap the shares are reduced to add up to one.
+//   Omega_i = f_o - f_i + f_i^eq(rho, u_grain) - f_o^eq(rho, u_grain)        (o opposite of i)
+// and the grain feels - sum_i B Omega_i c_i, at the node, per step. A covered cell bounces back on the spot;
+// with f_o^eq(rho, u) of the fluid's own velocity instead, as first published, it would let density diffuse
+// through the grain. Where several grains share a cell B is divided by their shares; when they overlap the
+// shares are reduced to add up to one.
 //
 // Works with every collision operator, because the fluid's own collision is done first and then replaced in
 // part. A body force acts on a cell's fluid part only; the force on a grain does not contain the buoyancy of
@@ -55,8 +58,9 @@ public:
   void keep(const Populations& populations, Parity parity);
   void replace(Populations& populations, Parity parity, const CollisionParameters& parameters,
                EquilibriumModel equilibrium);
-  /// Takes the part of a body force's half step that covered cells do not feel out of the velocities.
-  void unshift(Fields& fields, const std::array<double, 3>& shift, double even_rate) const;
+  /// Gives covered cells the velocity the collision works with: the mean of before and after the grains'
+  /// push, without a body force's half step. That of the grain where it covers the whole cell.
+  void blend_velocities(Fields& fields, double even_rate) const;
 
   /// Mean over the steps since `restart_loads`.
   [[nodiscard]] GrainLoads mean_loads() const;
@@ -81,6 +85,8 @@ private:
   template <class Lattice>
   void replace_all(Populations& populations, Parity parity, const CollisionParameters& parameters,
                    EquilibriumModel equilibrium);
+  // Of the grain's matter at the node, lattice units.
+  [[nodiscard]] std::array<double, 3> velocity_at(const Cover& cover) const;
   void find_covers(const Cells& cells);
   void gather_cells();
 
