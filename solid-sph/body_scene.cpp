@@ -270,7 +270,10 @@ void read_bodies(SceneTable& solid, SolidScene& result) {
     BodyScene body;
     body.name = "body";
     read_shape(solid, result, body);
-    body.material = read_material(solid, nullptr);
+    if (read_kind(solid))
+      read_rigid(solid, result, 0, body);
+    else
+      body.material = read_material(solid, nullptr);
     read_velocity(solid, body);
     for (const Side side : read_sides(solid, "clamped"))
       body.box.clamped[static_cast<std::size_t>(side)] = true;
@@ -293,8 +296,12 @@ void read_bodies(SceneTable& solid, SolidScene& result) {
       BodyScene body;
       body.name = table.text_or("name", "body " + std::to_string(result.bodies.size() + 1));
       read_shape(table, result, body);
-      if (!has_ratio && !table.has("poisson_ratio")) table.problem("", "poisson_ratio is missing");
-      body.material = read_material(table, &shared);
+      if (read_kind(table)) {
+        read_rigid(table, result, shared.density, body);
+      } else {
+        if (!has_ratio && !table.has("poisson_ratio")) table.problem("", "poisson_ratio is missing");
+        body.material = read_material(table, &shared);
+      }
       read_velocity(table, body);
       for (const Side side : read_sides(table, "clamped"))
         body.box.clamped[static_cast<std::size_t>(side)] = true;

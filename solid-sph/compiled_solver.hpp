@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <cstdio>
 
+#include "rigid_motion.hpp"
 #include "solver.hpp"
 
 namespace estuary::solid {
@@ -110,6 +111,7 @@ public:
     const double start = state.time;
     ExternalForces external(body_, loading);
     Guide guide(body_, loading);
+    RigidMotion rigid(body_, loading, dt);
 
     if constexpr (kHistory) history_ = state.history;
     set_time_step(kNoTime);
@@ -118,6 +120,7 @@ public:
     external.set(0.0, start, state.displacement);
     external.add_to(fields_.force);
     guide.remember(fields_.force);
+    rigid.begin(state, fields_.force);
     for (std::uint64_t step = 1; step <= steps; ++step) {
       const double fraction = static_cast<double>(step) / static_cast<double>(steps);
       const double time = start + fraction * duration;
@@ -126,11 +129,15 @@ public:
       else
         update<true, true>(state, kick);
       guide.move(state, time, dt);
+      rigid.drift(state, time);
       if constexpr (Viscous) guide.copy_velocity(state.velocity, predicted_velocity_);
       sweep<true>(state.displacement, predicted_velocity_, step);
       external.set(fraction, time, state.displacement);
       external.add_to(fields_.force);
-      state.external_work += external.work() + guide.work(fields_.force, loading.gravity);
+      rigid.kick(state, fields_.force);
+      state.external_work +=
+          external.work() + guide.work(fields_.force, loading.gravity) + rigid.external_work();
+      state.viscous_work += rigid.damper_work();
       if constexpr (Viscous)
         state.viscous_work +=
             dt * ordered_sum(body_.size(), [&](std::size_t i) { return fields_.viscous_power[i]; });
@@ -246,7 +253,7 @@ private:
     const std::size_t n = body_.size();
 #pragma omp parallel for schedule(static) if (n > kSerialBelow)
     for (std::size_t i = 0; i < n; ++i) {
-      if (body_.fixed[i] == 3) continue;
+      if ((body_.fixed[i] & 3U) == 3) continue;
       const double inverse_mass = 1 / body_.mass[i];
       for (std::size_t c = 0; c < 2; ++c) {
         if (kick.held[c] || body_.holds(i, c)) continue;

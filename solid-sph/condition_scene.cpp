@@ -67,6 +67,8 @@ void read_holds(SceneTable& solid, SolidScene& result) {
   for (SceneTable& table : solid.tables("hold")) {
     HoldScene hold;
     hold.place = read_place(table, result);
+    if (result.bodies[hold.place.body].rigid)
+      table.problem("", "is of deformable bodies; a rigid one has `held` and `motion`");
     if (!hold.place.region && !outlined(result, hold.place))
       table.problem("", "here only a `region` can be held: there are no particles on the contour");
     if (table.has("components")) {
@@ -195,7 +197,8 @@ void check_expression(SceneTable& table, std::string_view key, const std::string
 }
 
 void read_conditions(SceneTable& solid, SolidScene& result) {
-  for (const std::string& word : solid.texts_or_empty("held")) {
+  const bool own_held = result.bodies.size() == 1 && result.bodies.front().rigid.has_value();
+  for (const std::string& word : own_held ? std::vector<std::string>{} : solid.texts_or_empty("held")) {
     if (word != "x" && word != "y") {
       solid.problem("held", "only \"x\" and \"y\" can be held, not \"" + word + "\"");
     } else if (result.mode == Mode::steady) {

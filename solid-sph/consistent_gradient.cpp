@@ -70,6 +70,7 @@ double make_consistent(const Body& body, std::vector<GradientRow>& rows) {
         weights[static_cast<Eigen::Index>(first[i] + k)] = rows[i].gradient[k][c] * d;
     Vector target = Vector::Zero(static_cast<Eigen::Index>(3 * n));
     for (std::size_t i = 0; i < n; ++i) {
+      if (body.carried(i)) continue;
       target[static_cast<Eigen::Index>(3 * i + c)] = 1;
       target[static_cast<Eigen::Index>(3 * i + 2)] = boundary[2 * i + c] / d;
     }

@@ -38,11 +38,18 @@ struct PrescribedMotion {
   std::function<double(double, double, double)> displacement;  // of reference x, y and t [m]
 };
 
+/// Displacement of one degree of freedom (x, y, rotation) of a rigid body that holds it.
+struct RigidDrive {
+  std::size_t rigid = 0, freedom = 0;          // index into Body::rigid
+  std::function<double(double)> displacement;  // of the time [m], [rad]
+};
+
 struct Loading {
   std::vector<ParticleLoad> loads;
   std::vector<TractionLoad> tractions;
   std::vector<PressureLoad> pressures;
   std::vector<PrescribedMotion> prescribed;
+  std::vector<RigidDrive> rigid_drives;
   std::array<double, 2> gravity{};  // [m/s2]
   std::array<bool, 2> held{};       // components of the displacement that stay zero, in `advance` only
 };

@@ -110,10 +110,12 @@ Neighbourhood build_neighbourhood(const Body& body, const NeighbourhoodOptions& 
   std::vector<GradientRow> rows(n);
   // A row on a side has half the weight of the others; with the one-sided linear difference that makes the
   // sums over rows obey summation by parts, and a wider one would not (Strand 1994).
-  for (std::size_t i = 0; i < n; ++i)
+  for (std::size_t i = 0; i < n; ++i) {
+    if (body.carried(i)) continue;  // a rigid body has no strain
     rows[i] =
         gradient_row(body, search, i, body.edge[i] != 0 || body.fixed[i] == 3 ? Order::linear : options.order,
                      options.kernel);
+  }
 
   if (!body.outlines.empty()) make_consistent(body, rows);
 

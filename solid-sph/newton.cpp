@@ -21,7 +21,7 @@ NewtonSolver::NewtonSolver(Solver& solver) : solver_(solver) {
   unknown_.assign(n, -1);
   std::int64_t free = 0;
   for (std::size_t i = 0; i < n; ++i)
-    if (body.fixed[i] != 3) unknown_[i] = free++;
+    if ((body.fixed[i] & 3U) != 3) unknown_[i] = free++;
 
   // Coupled unknowns: every two particles of one stencil.
   std::vector<std::vector<std::int32_t>> coupled(static_cast<std::size_t>(free));

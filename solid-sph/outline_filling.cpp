@@ -143,12 +143,10 @@ bool contains(const std::vector<Polygon>& loops, double x, double y) {
   return inside;
 }
 
-Body fill_outline(const std::vector<Polygon>& loops, const FillingOptions& options) {
-  const double d = options.spacing;
+Body place_on_contours(const std::vector<Polygon>& loops, double spacing) {
+  const double d = spacing;
   Body body;
   body.spacing = {d, d};
-  body.smoothing_length = options.smoothing_ratio * d;
-  std::vector<Polygon> contours;
   for (std::size_t l = 0; l < loops.size(); ++l) {
     Polygon loop = loops[l];
     const double area = signed_area(loop);
@@ -156,14 +154,56 @@ Body fill_outline(const std::vector<Polygon>& loops, const FillingOptions& optio
       throw std::invalid_argument("an outline encloses no area");
     // Clockwise outside, counter-clockwise round holes.
     if ((area > 0) == (l == 0)) std::reverse(loop.begin(), loop.end());
-    contours.push_back(resampled(loop, d));
     Outline outline;
-    for (const Point& p : contours.back()) {
+    for (const Point& p : resampled(loop, d)) {
       outline.particle.push_back(static_cast<std::uint32_t>(body.position.size() / 2));
       body.position.insert(body.position.end(), {p[0], p[1]});
     }
     body.outlines.push_back(std::move(outline));
     body.outline_member.push_back(0);
+  }
+  const std::size_t n = body.position.size() / 2;
+  body.volume.assign(n, 0.5 * d * d);
+  body.energy_volume = body.volume;
+  body.mass.assign(n, 0.0);
+  body.member.assign(n, 0);
+  body.edge.assign(n, 1);
+  body.fixed.assign(n, 0);
+  return body;
+}
+
+AreaMoments area_moments(const std::vector<Polygon>& loops) {
+  AreaMoments sum;
+  // Relative to a point of the outline: far from the origin nothing is lost.
+  const Point origin = loops.front().front();
+  for (std::size_t l = 0; l < loops.size(); ++l) {
+    const Polygon& p = loops[l];
+    const double sign = (signed_area(p) > 0) == (l == 0) ? 1 : -1;
+    for (std::size_t k = 0; k < p.size(); ++k) {
+      const Point a = p[k] - origin, b = p[(k + 1) % p.size()] - origin;
+      const double w = sign * 0.5 * cross(a, b);
+      sum.area += w;
+      for (std::size_t c = 0; c < 2; ++c) {
+        sum.centroid[c] += w * (a[c] + b[c]) / 3;
+        sum.polar += w * (a[c] * a[c] + a[c] * b[c] + b[c] * b[c]) / 6;
+      }
+    }
+  }
+  for (double& c : sum.centroid) c /= sum.area;
+  sum.polar -= sum.area * (sum.centroid[0] * sum.centroid[0] + sum.centroid[1] * sum.centroid[1]);
+  for (std::size_t c = 0; c < 2; ++c) sum.centroid[c] += origin[c];
+  return sum;
+}
+
+Body fill_outline(const std::vector<Polygon>& loops, const FillingOptions& options) {
+  const double d = options.spacing;
+  Body body = place_on_contours(loops, d);
+  body.smoothing_length = options.smoothing_ratio * d;
+  std::vector<Polygon> contours;
+  for (const Outline& outline : body.outlines) {
+    Polygon& contour = contours.emplace_back();
+    for (const std::uint32_t i : outline.particle)
+      contour.push_back({body.position[2 * i], body.position[2 * i + 1]});
   }
   const std::size_t on_contour = body.position.size() / 2;
   Point low{1e300, 1e300}, high{-1e300, -1e300};
@@ -226,6 +266,7 @@ Body fill_outline(const std::vector<Polygon>& loops, const FillingOptions& optio
     }
   }
   body.energy_volume = body.volume;
+  body.mass.clear();
   for (const double v : body.volume) body.mass.push_back(options.density * v);
   return body;
 }

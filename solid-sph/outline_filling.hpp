@@ -21,6 +21,18 @@ double signed_area(const Polygon& polygon);
 Polygon circle(std::array<double, 2> centre, double radius, double spacing);
 bool contains(const std::vector<Polygon>& loops, double x, double y);
 
+/// Particles on the contours of the area between `loops` only: corners, and points about one spacing apart
+/// between them. No masses. Throws std::invalid_argument when a loop is degenerate.
+Body place_on_contours(const std::vector<Polygon>& loops, double spacing);
+
+/// Area [m2], centroid [m] and polar second moment of area about it [m4] of the area between `loops`.
+struct AreaMoments {
+  double area = 0;
+  std::array<double, 2> centroid{};
+  double polar = 0;
+};
+AreaMoments area_moments(const std::vector<Polygon>& loops);
+
 struct FillingOptions {
   double spacing = 0;
   double density = 0;

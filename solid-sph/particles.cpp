@@ -148,12 +148,19 @@ void append(Body& body, const Body& next) {
     body.outlines.push_back(std::move(outline));
     body.outline_member.push_back(member);
   }
+  for (RigidBody rigid : next.rigid) {
+    rigid.member = member;
+    rigid.first += shift;
+    rigid.last += shift;
+    body.rigid.push_back(rigid);
+  }
 }
 
 State at_rest(const Body& body) {
   State state;
   state.displacement.assign(2 * body.size(), 0.0);
   state.velocity.assign(2 * body.size(), 0.0);
+  state.rigid.assign(6 * body.rigid.size(), 0.0);
   return state;
 }
 

@@ -45,6 +45,22 @@ struct Outline {
   bool closed = true;
 };
 
+/// A body that moves as one: two translations of its centre of mass and a rotation, each with a linear spring
+/// and damper of its own. Its particles are its contour; they have no mass of their own. Per metre of depth.
+struct RigidBody {
+  std::size_t member = 0;
+  std::uint32_t first = 0, last = 0;  // its particles are first .. last - 1
+  std::array<double, 2> centre{};     // of mass, reference [m]
+  double mass = 0;                    // [kg/m]
+  double inertia = 0;                 // about the centre of mass [kg m2/m]
+  // x, y, rotation: [N/m2], [N m/m]; [N s/m2], [N m s/m]; [m], [rad].
+  std::array<double, 3> spring{}, damper{};
+  std::array<double, 3> rest{};  // where the springs are slack
+  std::array<bool, 3> held{};    // degrees of freedom that stay, or follow a prescribed motion
+
+  [[nodiscard]] double inertia_of(std::size_t freedom) const { return freedom == 2 ? inertia : mass; }
+};
+
 /// The reference configuration; nothing here changes in a run. Vectors of particles are x0 y0 x1 y1 ...
 /// Several bodies lie one after another.
 struct Body {
@@ -58,18 +74,22 @@ struct Body {
   // weights of a midpoint rule corrected at its ends, so that the energy of bending is integrated exactly
   // across a beam.
   std::vector<double> energy_volume;
-  std::vector<double> mass;          // [kg/m]
-  std::vector<std::uint8_t> fixed;   // components that do not move by themselves: 1 x, 2 y, 3 both
+  std::vector<double> mass;  // [kg/m]
+  std::vector<std::uint8_t>
+      fixed;  // components that do not move by themselves: 1 x, 2 y, 3 both, 7 of a rigid body
   std::vector<std::uint8_t> edge;    // 1 for particles whose cell is cut by the contour they lie on
   std::vector<std::uint8_t> member;  // number of the body a particle belongs to
   std::vector<Outline> outlines;     // of bodies with particles on their contour
   std::vector<std::uint32_t> outline_member;
+  std::vector<RigidBody> rigid;
 
   [[nodiscard]] std::size_t size() const { return volume.size(); }
   [[nodiscard]] double mean_spacing() const;
   [[nodiscard]] bool holds(std::size_t particle, std::size_t component) const {
     return (fixed[particle] >> component & 1U) != 0;
   }
+  /// Moved by a rigid body.
+  [[nodiscard]] bool carried(std::size_t particle) const { return (fixed[particle] & 4U) != 0; }
 };
 
 /// What a run carries from window to window.
@@ -80,6 +100,7 @@ struct State {
   double external_work = 0;          // of loads, gravity and prescribed motion since the start [J/m]
   double viscous_work = 0;           // taken by artificial viscosity and mass damping [J/m]
   std::vector<double> history;       // of laws that have one, see Law::history
+  std::vector<double> rigid;  // x, y, rotation and their rates of each rigid body [m], [rad], [m/s], [rad/s]
 };
 
 /// Particles on a regular grid, the faster index along the thinner direction.

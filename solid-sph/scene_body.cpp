@@ -4,6 +4,7 @@
 #include <cmath>
 #include <stdexcept>
 
+#include "rigid_motion.hpp"
 #include "surface_transfer.hpp"
 
 namespace estuary::solid {
@@ -25,7 +26,33 @@ Body from_points(const BodyScene& scene, double spacing, double smoothing_ratio)
   return body;
 }
 
+Body rigid_contour(const SolidScene& scene, const BodyScene& described) {
+  Body body = place_on_contours(described.outline(scene.spacing), scene.spacing);
+  body.smoothing_length = scene.smoothing_ratio * scene.spacing;
+  body.fixed.assign(body.size(), 7);
+  const RigidScene& rigid = *described.rigid;
+  const auto mass = rigid.mass_and_inertia(described, scene.spacing);
+  body.rigid.push_back({.member = 0,
+                        .first = 0,
+                        .last = static_cast<std::uint32_t>(body.size()),
+                        .centre = {mass[2], mass[3]},
+                        .mass = mass[0],
+                        .inertia = mass[1],
+                        .spring = rigid.spring,
+                        .damper = rigid.damper,
+                        .rest = rigid.rest,
+                        .held = rigid.held});
+  return body;
+}
+
 Body single(const SolidScene& scene, const BodyScene& body) {
+  if (body.rigid) {
+    try {
+      return rigid_contour(scene, body);
+    } catch (const std::invalid_argument& error) {
+      throw std::invalid_argument("body \"" + body.name + "\": " + error.what());
+    }
+  }
   switch (body.shape) {
     case Shape::box:
       return fill(body.box, body.material.density, scene.smoothing_ratio,
@@ -152,6 +179,20 @@ Body build_body(const SolidScene& scene) {
 }
 
 void set_velocities(const SolidScene& scene, const Body& body, State& state) {
+  for (std::size_t r = 0; r < body.rigid.size(); ++r) {
+    const RigidBody& rigid = body.rigid[r];
+    const BodyScene& described = scene.bodies[rigid.member];
+    const std::span<double> values = std::span<double>(state.rigid).subspan(6 * r, 6);
+    for (std::size_t c = 0; c < 3; ++c) {
+      if (!described.rigid->motion[c].empty()) values[c] = Expression(described.rigid->motion[c])(0, 0, 0, 0);
+      if (rigid.held[c]) continue;
+      if (c == 2)
+        values[5] = described.rigid->angular_velocity;
+      else if (!described.velocity[c].empty())
+        values[3 + c] = Expression(described.velocity[c])(rigid.centre[0], rigid.centre[1], 0, 0);
+    }
+    carry(rigid, body, values, state.displacement, state.velocity);
+  }
   for (std::size_t k = 0; k < scene.bodies.size(); ++k)
     for (std::size_t c = 0; c < 2; ++c) {
       if (scene.bodies[k].velocity[c].empty()) continue;
@@ -183,6 +224,12 @@ Loading build_loading(const SolidScene& scene, const Body& body,
         return (*e)(x, y, 0, t);
       };
       loading.prescribed.push_back(std::move(motion));
+    }
+  for (std::size_t r = 0; r < body.rigid.size(); ++r)
+    for (std::size_t c = 0; c < 3; ++c) {
+      const std::string& motion = scene.bodies[body.rigid[r].member].rigid->motion[c];
+      if (motion.empty()) continue;
+      loading.rigid_drives.push_back({r, c, [e = keep(motion)](double t) { return (*e)(0, 0, 0, t); }});
     }
   for (const LoadScene& scene_load : scene.loads) {
     const auto scaled_by_ramp = [&](ParticleLoad& load) {

@@ -7,6 +7,7 @@
 #include <cmath>
 #include <cstring>
 
+#include "rigid_motion.hpp"
 #include "scene_body.hpp"
 #include "updated_lagrangian.hpp"
 #include "wet_surface.hpp"
@@ -15,6 +16,9 @@ namespace estuary::solid {
 namespace {
 
 using Clock = std::chrono::steady_clock;
+
+// At least so many steps in a stretch of time with rigid bodies.
+constexpr double kRigidSteps = 16;
 
 double seconds_since(Clock::time_point begin) {
   return std::chrono::duration<double>(Clock::now() - begin).count();
@@ -60,7 +64,7 @@ void Solid::build() {
   else
     solver_ = make_solver(scene_.law, body_, options);
   newton_.reset();
-  if (scene_.mode == Mode::steady && scene_.method == SteadyMethod::newton)
+  if (scene_.mode == Mode::steady && !scene_.all_rigid() && scene_.method == SteadyMethod::newton)
     newton_ = std::make_unique<NewtonSolver>(*solver_);
   state_ = at_rest(body_);
   state_.history = solver_->history();
@@ -121,8 +125,12 @@ v1::Exchange Solid::start(const v1::Exchange&, const std::filesystem::path& fold
   }
   watches_.clear();
   for (const WatchScene& watch : scene_.watches) {
-    PointWatch entry{watch.name, std::nullopt};
-    if (watch.point) entry.transfer = point_transfer(body_, *watch.point);
+    PointWatch entry{.name = watch.name, .point = {}, .rigid = {}, .transfer = {}};
+    if (watch.point) {
+      entry.point = *watch.point;
+      entry.rigid = rigid_at(*watch.point);
+      if (!entry.rigid) entry.transfer = point_transfer(body_, *watch.point);
+    }
     watches_.push_back(std::move(entry));
   }
   particle_series_ = std::make_unique<FieldSeries>(folder_, "frame");
@@ -182,7 +190,10 @@ std::uint64_t Solid::steps_for(double duration) {
   solver_->evaluate(state_.displacement);
   const double stiffening = std::sqrt(std::max(1.0, solver_->stiffening()));
   // The wave through a spacing, and never beyond what the discrete operator itself allows.
-  const double step = std::min(scene_.courant_step(body_.spacing), 0.9 * stable) / stiffening;
+  const double elastic = std::min(scene_.courant_step(body_.spacing), 0.9 * stable) / stiffening;
+  // Springs of rigid bodies are integrated exactly; that their loads vary on the way needs some steps.
+  const double step =
+      body_.rigid.empty() ? elastic : std::min({elastic, rigid_step(body_, state_), duration / kRigidSteps});
   const double steps = std::ceil(duration / step);
   if (!(steps < 1e15))
     throw Diverged("displacement", "the stable time step vanished: the material has become infinitely stiff",
@@ -230,6 +241,7 @@ double Solid::find_equilibrium(const Window& window, const Monitor& monitor) {
   // A law with history starts each search from the last accepted state: it must not remember a trial.
   solver_->set_history(accepted_.history);
   std::vector<double> displacement = state_.history.empty() ? state_.displacement : accepted_.displacement;
+  if (scene_.all_rigid()) return settle_rigid_bodies(time);
   EquilibriumReport report;
   // Pressures follow the surface: found again on each equilibrium until it stays.
   const int rounds = loading_.pressures.empty() || !newton_ ? 1 : 40;
@@ -266,10 +278,30 @@ double Solid::find_equilibrium(const Window& window, const Monitor& monitor) {
                                : "raise [solid.steady] maximum_steps, or use method = \"newton\"");
   }
   state_.displacement = std::move(displacement);
+  if (!body_.rigid.empty()) settle_rigid_bodies(time);
   state_.time = time;
   solver_->commit(state_.displacement);
   state_.history = solver_->history();
   return std::max(report.residual, report.remaining_change);
+}
+
+double Solid::settle_rigid_bodies(double time) {
+  std::vector<double> force;
+  double change = 0;
+  // Pressures follow the surface.
+  for (int round = 0; round < 100; ++round) {
+    solver_->external_force(loading_, time, state_.displacement, force);
+    change = settle_rigid(body_, loading_, time, force, state_);
+    if (change <= 1e-3 * scene_.steady.tolerance) break;
+  }
+  state_.time = time;
+  ++work_.steps;
+  if (!(change <= scene_.steady.tolerance))
+    throw NotConverged(fmt::format("a rigid body finds no equilibrium: its position still changes by {:.2e} "
+                                   "of its displacement or of a spacing",
+                                   change),
+                       "its springs may be too weak for loads that turn with it");
+  return change;
 }
 
 void Solid::fail(const Breakdown& breakdown, const Window& window) {
@@ -358,20 +390,65 @@ std::array<double, 3> Solid::reaction(double time) {
   std::array<double, 3> sum{};
   for (std::size_t i = 0; i < body_.size(); ++i)
     for (std::size_t c = 0; c < 2; ++c) {
-      if (!body_.holds(i, c)) continue;
+      if (!body_.holds(i, c) || body_.carried(i)) continue;
       const double force = -solver_->fields().force[2 * i + c] - external[2 * i + c];
       sum[c] += force;
       const std::size_t o = 2 * i + 1 - c;
       sum[2] += (c == 1 ? 1 : -1) * (body_.position[o] + state_.displacement[o]) * force;
     }
+  // What springs and dampers pull with; a held degree of freedom carries the rest.
+  for (std::size_t r = 0; r < body_.rigid.size(); ++r) {
+    const RigidBody& rigid = body_.rigid[r];
+    const std::span<const double> values = std::span<const double>(state_.rigid).subspan(6 * r, 6);
+    const auto load = resultant(rigid, body_, state_.displacement, external, values);
+    std::array<double, 3> support{};
+    for (std::size_t c = 0; c < 3; ++c) {
+      const double weight = c < 2 ? rigid.mass * loading_.gravity[c] : 0;
+      support[c] = rigid.held[c]
+                       ? -load[c] - weight
+                       : -rigid.spring[c] * (values[c] - rigid.rest[c]) - rigid.damper[c] * values[3 + c];
+      sum[c] += support[c];
+    }
+    sum[2] += (rigid.centre[0] + values[0]) * support[1] - (rigid.centre[1] + values[1]) * support[0];
+  }
   return sum;
+}
+
+std::optional<std::size_t> Solid::rigid_at(const std::array<double, 2>& point) const {
+  // A hair outside counts: nodes of a contour lie on its corners.
+  const double slip = 0.1 * scene_.spacing;
+  for (std::size_t r = 0; r < body_.rigid.size(); ++r) {
+    const auto loops = scene_.bodies[body_.rigid[r].member].outline(scene_.spacing);
+    for (const double dx : {0.0, -slip, slip})
+      for (const double dy : {0.0, -slip, slip})
+        if (contains(loops, point[0] + dx, point[1] + dy)) return r;
+  }
+  return std::nullopt;
+}
+
+std::vector<std::pair<std::string, double>> Solid::rigid_quantities(
+    std::size_t rigid, const std::array<double, 2>& point) const {
+  const RigidBody& body = body_.rigid[rigid];
+  const std::span<const double> q = std::span<const double>(state_.rigid).subspan(6 * rigid, 6);
+  const double half = std::sin(0.5 * q[2]), less = -2 * half * half, sine = std::sin(q[2]);
+  const double x = point[0] - body.centre[0], y = point[1] - body.centre[1];
+  const double dx = less * x - sine * y, dy = sine * x + less * y;
+  return {{"displacement_x", q[0] + dx},
+          {"displacement_y", q[1] + dy},
+          {"displacement", std::hypot(q[0] + dx, q[1] + dy)},
+          {"velocity_x", q[3] - q[5] * (y + dy)},
+          {"velocity_y", q[4] + q[5] * (x + dx)},
+          {"rotation", q[2]},
+          {"angular_velocity", q[5]}};
 }
 
 std::vector<WatchValues> Solid::watch_values(double time) {
   std::vector<WatchValues> values;
   for (const PointWatch& watch : watches_) {
     WatchValues entry{watch.name, {}};
-    if (watch.transfer) {
+    if (watch.rigid) {
+      entry.quantities = rigid_quantities(*watch.rigid, watch.point);
+    } else if (watch.transfer) {
       std::array<double, 2> u{}, v{};
       interpolate(*watch.transfer, state_.displacement, u);
       interpolate(*watch.transfer, state_.velocity, v);
@@ -395,7 +472,18 @@ std::vector<WatchValues> Solid::watch_values(double time) {
         spin += m * ((body_.position[2 * i] + state_.displacement[2 * i]) * vy -
                      (body_.position[2 * i + 1] + state_.displacement[2 * i + 1]) * vx);
       }
-      const double kinetic = solver_->kinetic_energy(state_), internal = solver_->energy(state_.displacement),
+      double springs = 0;
+      for (std::size_t r = 0; r < body_.rigid.size(); ++r) {
+        const RigidBody& rigid = body_.rigid[r];
+        const std::span<const double> q = std::span<const double>(state_.rigid).subspan(6 * r, 6);
+        momentum[0] += rigid.mass * q[3];
+        momentum[1] += rigid.mass * q[4];
+        spin += rigid.inertia * q[5] +
+                rigid.mass * ((rigid.centre[0] + q[0]) * q[4] - (rigid.centre[1] + q[1]) * q[3]);
+        springs += spring_energy(rigid, q);
+      }
+      const double kinetic = solver_->kinetic_energy(state_),
+                   internal = solver_->energy(state_.displacement) + springs,
                    plastic = solver_->plastic_work();
       entry.quantities = {{"kinetic_energy", kinetic},   {"internal_energy", internal},
                           {"plastic_work", plastic},     {"maximum_displacement", largest},

@@ -29,7 +29,9 @@ public:
 private:
   struct PointWatch {
     std::string name;
-    std::optional<Transfer> transfer;  // none for totals
+    std::array<double, 2> point{};
+    std::optional<std::size_t> rigid;  // the rigid body it lies in
+    std::optional<Transfer> transfer;  // else; none for totals
   };
 
   void build();
@@ -37,6 +39,10 @@ private:
   void take_forces(const v1::Exchange& inputs);
   void integrate(const Window& window, const Monitor& monitor);
   double find_equilibrium(const Window& window, const Monitor& monitor);
+  double settle_rigid_bodies(double time);
+  [[nodiscard]] std::optional<std::size_t> rigid_at(const std::array<double, 2>& point) const;
+  [[nodiscard]] std::vector<std::pair<std::string, double>> rigid_quantities(
+      std::size_t rigid, const std::array<double, 2>& point) const;
   [[noreturn]] void fail(const Breakdown& breakdown, const Window& window);
   [[nodiscard]] std::uint64_t steps_for(double duration);
   void fill_displacements(v1::Displacements& field) const;

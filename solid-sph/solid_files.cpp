@@ -101,6 +101,7 @@ void Solid::save(const std::filesystem::path& file) {
   const std::array<double, 4> numbers{accepted_.time, accepted_.external_work, accepted_.viscous_work,
                                       work_.updates};
   writer.add("numbers", numbers);
+  if (!accepted_.rigid.empty()) writer.add("rigid", accepted_.rigid);
   if (!wet_nodes_.empty()) writer.add("forces", accepted_forces_);
   writer.commit();
 }
@@ -116,6 +117,7 @@ void Solid::load(const std::filesystem::path& file) {
   reader.read("velocity", loaded.velocity);
   loaded.history = accepted_.history;
   if (!loaded.history.empty()) reader.read("history", loaded.history);
+  if (!loaded.rigid.empty()) reader.read("rigid", loaded.rigid);
   std::array<double, 4> numbers{};
   reader.read("numbers", numbers);
   loaded.time = numbers[0];
@@ -123,7 +125,8 @@ void Solid::load(const std::filesystem::path& file) {
   loaded.viscous_work = numbers[2];
   std::vector<double> forces(accepted_forces_.size());
   if (!wet_nodes_.empty()) reader.read("forces", forces);
-  for (const std::vector<double>* values : {&loaded.displacement, &loaded.velocity, &loaded.history, &forces})
+  for (const std::vector<double>* values :
+       {&loaded.displacement, &loaded.velocity, &loaded.history, &loaded.rigid, &forces})
     for (const double value : *values)
       if (!std::isfinite(value))
         throw std::runtime_error(file.string() + " holds a value that is not finite");

@@ -3,6 +3,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <numbers>
 
 #include "solid_scene.hpp"
 
@@ -19,14 +20,41 @@ double interior_neighbours(const std::array<double, 2>& spacing, double support)
   return count;
 }
 
+void plan_rigid(const SolidScene& scene, const BodyScene& body, Plan& plan) {
+  const auto mass = body.rigid->mass_and_inertia(body, scene.spacing);
+  plan.derived.emplace_back("rigid \"" + body.name + "\"",
+                            fmt::format("mass {:.6g} kg/m, inertia {:.6g} kg m2/m, centre ({:.6g}, {:.6g}) m",
+                                        mass[0], mass[1], mass[2], mass[3]));
+  constexpr std::array<const char*, 3> kFreedoms{"x", "y", "rotation"};
+  std::string periods;
+  for (std::size_t c = 0; c < 3; ++c) {
+    const double spring = body.rigid->spring[c], inertia = c == 2 ? mass[1] : mass[0];
+    if (body.rigid->held[c] || !(spring > 0)) continue;
+    const double rate = std::sqrt(spring / inertia);
+    periods += fmt::format("{}{} {:.5g} Hz, damping ratio {:.4g}", periods.empty() ? "" : "; ", kFreedoms[c],
+                           rate / (2 * std::numbers::pi), 0.5 * body.rigid->damper[c] / (inertia * rate));
+  }
+  if (!periods.empty()) plan.derived.emplace_back("its oscillations in vacuum", periods);
+}
+
 }  // namespace
 
 Plan plan_of(const SolidScene& scene) {
   const Box& box = scene.bodies.front().box;
+  Plan plan;
   double particles = 0;
   double across = 1e300;
   for (const BodyScene& body : scene.bodies) {
-    if (body.shape == Shape::box) {
+    if (body.rigid) {
+      double contour = 0;
+      for (const Polygon& loop : body.outline(scene.spacing))
+        for (std::size_t k = 0; k < loop.size(); ++k) {
+          const auto &a = loop[k], &b = loop[(k + 1) % loop.size()];
+          contour += std::hypot(b[0] - a[0], b[1] - a[1]);
+        }
+      particles += std::round(contour / scene.spacing);
+      plan_rigid(scene, body, plan);
+    } else if (body.shape == Shape::box) {
       const auto columns = count_columns(body.box);
       particles += static_cast<double>(columns[0]) * static_cast<double>(columns[1]);
       across = std::min(across, static_cast<double>(std::min(columns[0], columns[1])));
@@ -47,7 +75,6 @@ Plan plan_of(const SolidScene& scene) {
   const double neighbours = interior_neighbours(spacing, support);
   const double dt = scene.courant_step(spacing);
 
-  Plan plan;
   const auto add = [&](const char* name, std::string value) {
     plan.derived.emplace_back(name, std::move(value));
   };
@@ -58,6 +85,16 @@ Plan plan_of(const SolidScene& scene) {
   } else {
     add("particles", fmt::format("about {} in {} bodies, spacing {:.4g} m", particles, scene.bodies.size(),
                                  scene.spacing));
+  }
+  if (scene.all_rigid()) {
+    if (scene.mode == Mode::transient) {
+      add("steps per window", "at least 16");
+      plan.expected_updates = particles * 16 * std::round(scene.end_time / scene.window);
+    }
+    plan.left_out.emplace_back("stresses (every body is rigid)");
+    plan.memory_bytes = particles * 400;
+    plan.variant = "2d-rigid";
+    return plan;
   }
   add("neighbours of an inner particle", fmt::format("{} within {:.4g} m", neighbours, support));
   add("wave speed", fmt::format("{:.4g} m/s", scene.fastest_wave()));

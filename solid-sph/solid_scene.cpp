@@ -91,8 +91,15 @@ void read_watches(SceneTable& root, const std::string& role, SolidScene& result)
 
 }  // namespace
 
+bool SolidScene::all_rigid() const {
+  return std::all_of(bodies.begin(), bodies.end(),
+                     [](const BodyScene& body) { return body.rigid.has_value(); });
+}
+
 ElasticConstants SolidScene::constants(std::size_t body) const {
   const MaterialScene& material = bodies[body].material;
+  // Nothing of a rigid body is strained; any law will do.
+  if (bodies[body].rigid) return ElasticConstants::from(1.0, 0.0, plane);
   return ElasticConstants::from(material.young_modulus, material.poisson_ratio, plane);
 }
 
@@ -102,7 +109,8 @@ double SolidScene::wave_speed(std::size_t body) const {
 
 double SolidScene::fastest_wave() const {
   double speed = 0;
-  for (std::size_t body = 0; body < bodies.size(); ++body) speed = std::max(speed, wave_speed(body));
+  for (std::size_t body = 0; body < bodies.size(); ++body)
+    if (!bodies[body].rigid) speed = std::max(speed, wave_speed(body));
   return speed;
 }
 
@@ -119,7 +127,7 @@ SolverOptions SolidScene::solver_options() const {
     Material material{.constants = constants(k), .plane = plane, .viscosity = {}, .plasticity = {}};
     material.plasticity = bodies[k].material.plasticity;
     // An equilibrium has no velocity, so a steady run is compiled without viscosity.
-    if (mode == Mode::transient)
+    if (mode == Mode::transient && !bodies[k].rigid)
       material.viscosity = {.linear = viscosity_linear,
                             .quadratic = viscosity_quadratic,
                             .sound_speed = wave_speed(k),
@@ -148,9 +156,13 @@ SolidScene read_solid_scene(Scene& scene, const std::string& role) {
   read_bodies(solid, result);
   read_method(solid, result);
   read_conditions(solid, result);
+  if (result.updated_lagrangian && std::any_of(result.bodies.begin(), result.bodies.end(),
+                                               [](const BodyScene& body) { return body.rigid.has_value(); }))
+    solid.problem("formulation", "\"updated_lagrangian\" knows no rigid bodies");
   read_watches(root, role, result);
   if (result.mode == Mode::steady)
     for (std::size_t k = 0; k < result.bodies.size(); ++k) {
+      if (result.bodies[k].rigid) continue;
       const auto& clamped = result.bodies[k].box.clamped;
       const bool held = std::find(clamped.begin(), clamped.end(), true) != clamped.end() ||
                         std::any_of(result.holds.begin(), result.holds.end(),

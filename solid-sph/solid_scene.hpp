@@ -22,6 +22,20 @@ struct MaterialScene {
   Plasticity plasticity;
 };
 
+struct BodyScene;
+
+/// A body that moves as one; see RigidBody for the meaning and units.
+struct RigidScene {
+  double mass = 0, inertia = 0;  // 0: of the outline with the body's density
+  std::array<double, 3> spring{}, damper{}, rest{};
+  std::array<bool, 3> held{};
+  std::array<std::string, 3> motion;  // expressions of t; empty where not driven
+  double angular_velocity = 0;        // at the start [rad/s]
+
+  /// Mass [kg/m], inertia [kg m2/m] and centre of mass x, y [m] of the body.
+  [[nodiscard]] std::vector<double> mass_and_inertia(const BodyScene& body, double spacing) const;
+};
+
 struct BodyScene {
   std::string name;
   Shape shape = Shape::box;
@@ -31,6 +45,7 @@ struct BodyScene {
   std::vector<Polygon> loops;      // of a polygon, holes after the first
   std::vector<double> points;      // x, y [m], volume [m2] of each particle of a point list
   MaterialScene material;
+  std::optional<RigidScene> rigid;
   std::array<std::string, 2> velocity;  // at the start, expressions of x and y; empty means 0
 
   /// Outline of what the scene asks for; empty for a point list.
@@ -105,7 +120,10 @@ struct SolidScene {
   double end_time = 0;  // [s]
 
   [[nodiscard]] bool plastic() const { return law == LawName::j2_plasticity; }
-  [[nodiscard]] bool single_box() const { return bodies.size() == 1 && bodies.front().shape == Shape::box; }
+  [[nodiscard]] bool single_box() const {
+    return bodies.size() == 1 && bodies.front().shape == Shape::box && !bodies.front().rigid;
+  }
+  [[nodiscard]] bool all_rigid() const;
   [[nodiscard]] ElasticConstants constants(std::size_t body) const;
   [[nodiscard]] double wave_speed(std::size_t body) const;
   [[nodiscard]] double fastest_wave() const;
@@ -119,6 +137,9 @@ SolidScene read_solid_scene(Scene& scene, const std::string& role);
 
 // Parts of it: body_scene.cpp, condition_scene.cpp.
 void read_bodies(SceneTable& solid, SolidScene& result);
+bool read_kind(SceneTable& table);
+/// `shared_density` is that of [solid], 0 when it has none.
+void read_rigid(SceneTable& table, const SolidScene& scene, double shared_density, BodyScene& body);
 void read_conditions(SceneTable& solid, SolidScene& result);
 /// Sides of a box named under `key`; every slip is noted.
 std::vector<Side> read_sides(SceneTable& solid, std::string_view key);

@@ -1,6 +1,9 @@
 #include "solver.hpp"
 
+#include "rigid_motion.hpp"
+
 #include <cmath>
+#include <limits>
 #include <utility>
 
 namespace estuary::solid {
@@ -44,7 +47,8 @@ double Solver::reference_stable_step() {
   rest_stiffness_ = stiffening();
   history_ = kept;
   // Power iteration approaches the largest frequency from below.
-  stable_step_ = squared_frequency > 0 ? 2 / std::sqrt(1.05 * squared_frequency) : 1.0;
+  stable_step_ = squared_frequency > 0 ? 2 / std::sqrt(1.05 * squared_frequency)
+                                       : std::numeric_limits<double>::infinity();
   return stable_step_;
 }
 
@@ -74,10 +78,14 @@ double Solver::stiffening() const {
 }
 
 double Solver::kinetic_energy(const State& state) const {
-  return ordered_sum(body_.size(), [&](std::size_t i) {
+  double energy = ordered_sum(body_.size(), [&](std::size_t i) {
     const double vx = state.velocity[2 * i], vy = state.velocity[2 * i + 1];
     return 0.5 * body_.mass[i] * (vx * vx + vy * vy);
   });
+  for (std::size_t r = 0; r < body_.rigid.size(); ++r)
+    energy += estuary::solid::kinetic_energy(body_.rigid[r],
+                                             std::span<const double>(state.rigid).subspan(6 * r, 6));
+  return energy;
 }
 
 void Solver::external_force(const Loading& loading, double time, std::span<const double> displacement,

@@ -296,7 +296,9 @@ Transfer contour_transfer(const Body& body, std::span<const ContourLine> lines) 
       places.push_back(place);
     }
     Rows own = point_rows(body, places);
-    if (body.box.placement == Placement::on_contour) own = without_sawtooth(body, own, places, line.closed);
+    // A rigid contour has no sawtooth.
+    if (body.box.placement == Placement::on_contour && !body.carried(own.front().front().particle))
+      own = without_sawtooth(body, own, places, line.closed);
     rows.insert(rows.end(), own.begin(), own.end());
   }
   return assemble(rows);
