@@ -6,6 +6,10 @@ namespace estuary::fluid {
 
 CollideAndStream collide_and_stream(const StepChoice& choice) {
   const bool space = choice.dimension == 3;
+  if (choice.storage == Storage::single_precision) {
+    if (choice.viscosity != ViscosityModel::constant || choice.force != ForceModel::none) return nullptr;
+    return step::in_single_precision(choice);
+  }
   if (choice.viscosity != ViscosityModel::constant) {
     if (choice.force == ForceModel::unshifted) return nullptr;
     return space ? step::space_with_varying_viscosity(choice) : step::plane_with_varying_viscosity(choice);
@@ -37,6 +41,7 @@ std::string variant_name(const StepChoice& choice) {
   if (choice.force == ForceModel::unshifted) name += "-unshifted";
   if (choice.viscosity == ViscosityModel::smagorinsky) name += "-smagorinsky";
   if (choice.viscosity == ViscosityModel::generalised_newtonian) name += "-generalised-newtonian";
+  if (choice.storage == Storage::single_precision) name += "-single";
   return name;
 }
 

@@ -137,9 +137,11 @@ struct StepChoice {
   EquilibriumModel equilibrium = EquilibriumModel::incompressible;
   ForceModel force = ForceModel::none;
   ViscosityModel viscosity = ViscosityModel::constant;
+  Storage storage = Storage::double_precision;
 };
 /// Null for a combination that does not exist: recursive regularised and central moments are compressible
-/// only; the unshifted force goes with BGK and TRT at constant viscosity.
+/// only; the unshifted force goes with BGK and TRT at constant viscosity; single precision without a body
+/// force and at constant viscosity.
 [[nodiscard]] CollideAndStream collide_and_stream(const StepChoice& choice);
 
 /// "d2q9-trt-incompressible", with "-guo", "-smagorinsky", ... where they are on.

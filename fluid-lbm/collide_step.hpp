@@ -282,13 +282,13 @@ template <class Lattice, class Viscosity>
 
 // One node, its values read at `place[i] + x`. Kept apart from the loop: what is declared inside the
 // body of a simd loop is given an array per vector lane, and the loop is not vectorised.
-template <class Lattice, class Collision, class Equilibrium, class Force, class Viscosity>
-[[gnu::always_inline]] inline void update(const std::array<double*, Lattice::count>& place, std::ptrdiff_t x,
+template <class Lattice, class Collision, class Equilibrium, class Force, class Viscosity, class Stored>
+[[gnu::always_inline]] inline void update(const std::array<Stored*, Lattice::count>& place, std::ptrdiff_t x,
                                           const CollisionParameters& parameters) {
   std::array<double, Lattice::count> f;
   unrolled<Lattice::count>([&](auto index) __attribute__((always_inline)) {
     constexpr auto i = static_cast<std::size_t>(index());
-    f[i] = place[i][x];
+    f[i] = static_cast<double>(place[i][x]);
   });
   Moments m = moments_of<Lattice>(f);
   const double inverse = Equilibrium::inverse_density(m.excess);
@@ -311,22 +311,22 @@ template <class Lattice, class Collision, class Equilibrium, class Force, class 
   }
   unrolled<Lattice::count>([&](auto index) __attribute__((always_inline)) {
     constexpr auto i = static_cast<std::size_t>(index());
-    place[static_cast<std::size_t>(Lattice::opposite[i])][x] = f[i];
+    place[static_cast<std::size_t>(Lattice::opposite[i])][x] = static_cast<Stored>(f[i]);
   });
 }
 
 // The value that leaves along i goes where the one that came along the opposite of i was read, after either
 // kind of step: reading places are all that distinguishes the two kinds.
-template <class Lattice, class Collision, class Equilibrium, class Force, class Viscosity>
+template <class Lattice, class Collision, class Equilibrium, class Force, class Viscosity, class Stored>
 void pass(Populations& populations, Parity parity, const std::vector<std::vector<Span>>& rows,
           const CollisionParameters& parameters) {
   const CollisionParameters own = parameters;
 #pragma omp for schedule(static)
   for (int row = 0; row < populations.rows(); ++row) {
-    std::array<double*, Lattice::count> place;
+    std::array<Stored*, Lattice::count> place;
     for (int i = 0; i < Lattice::count; ++i) {
       place[static_cast<std::size_t>(i)] =
-          populations.data() + populations.incoming(parity, i, populations.row_start(row));
+          populations.data<Stored>() + populations.incoming(parity, i, populations.row_start(row));
     }
     for (const Span span : rows[static_cast<std::size_t>(row)]) {
 #pragma omp simd
@@ -338,16 +338,16 @@ void pass(Populations& populations, Parity parity, const std::vector<std::vector
 }
 
 /// The variant of one lattice, or null.
-template <class Lattice, class Viscosity, class Force>
+template <class Lattice, class Viscosity, class Force, class Stored = double>
 CollideAndStream variant(const StepChoice& choice) {
   const bool compressible = choice.equilibrium == EquilibriumModel::compressible;
   switch (choice.collision) {
     case CollisionModel::trt:
-      return compressible ? &pass<Lattice, Trt, Compressible, Force, Viscosity>
-                          : &pass<Lattice, Trt, Incompressible, Force, Viscosity>;
+      return compressible ? &pass<Lattice, Trt, Compressible, Force, Viscosity, Stored>
+                          : &pass<Lattice, Trt, Incompressible, Force, Viscosity, Stored>;
     case CollisionModel::bgk:
-      return compressible ? &pass<Lattice, Bgk, Compressible, Force, Viscosity>
-                          : &pass<Lattice, Bgk, Incompressible, Force, Viscosity>;
+      return compressible ? &pass<Lattice, Bgk, Compressible, Force, Viscosity, Stored>
+                          : &pass<Lattice, Bgk, Incompressible, Force, Viscosity, Stored>;
     case CollisionModel::recursive_regularised:
     case CollisionModel::central_moment:
       break;
@@ -355,8 +355,8 @@ CollideAndStream variant(const StepChoice& choice) {
   if constexpr (!Force::any || Force::second_order) {
     if (!compressible) return nullptr;
     return choice.collision == CollisionModel::central_moment
-               ? &pass<Lattice, CentralMoments<true>, Compressible, Force, Viscosity>
-               : &pass<Lattice, CentralMoments<false>, Compressible, Force, Viscosity>;
+               ? &pass<Lattice, CentralMoments<true>, Compressible, Force, Viscosity, Stored>
+               : &pass<Lattice, CentralMoments<false>, Compressible, Force, Viscosity, Stored>;
   }
   return nullptr;
 }
@@ -368,5 +368,6 @@ CollideAndStream plane_with_varying_viscosity(const StepChoice& choice);
 CollideAndStream space_without_force(const StepChoice& choice);
 CollideAndStream space_with_force(const StepChoice& choice);
 CollideAndStream space_with_varying_viscosity(const StepChoice& choice);
+CollideAndStream in_single_precision(const StepChoice& choice);
 
 }  // namespace estuary::fluid::step

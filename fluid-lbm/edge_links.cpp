@@ -269,7 +269,7 @@ void EdgeLinks::build(const Surface& surface, const Cells& cells, const Populati
 void EdgeLinks::close(Populations& populations, Parity parity, bool compressible) {
   if (closings_.empty()) return;
   const std::size_t k = index_of(parity);
-  double* const f = populations.data();
+  Populations& f = populations;
 #pragma omp for schedule(static)
   for (std::size_t n = 0; n < closings_.size(); ++n) {
     const Closing& closing = closings_[n];

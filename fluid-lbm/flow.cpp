@@ -28,11 +28,26 @@ bool near(const std::vector<double>& a, const std::vector<double>& b) {
   return a[0] < b[2] + reach && b[0] < a[2] + reach && a[1] < b[3] + reach && b[1] < a[3] + reach;
 }
 
+RelaxationParts relaxation_of(const FlowSettings& settings) {
+  if (settings.viscosity != ViscosityModel::constant) return {};
+  const double even = 1 / settings.rates.even - 0.5;
+  switch (settings.collision) {
+    case CollisionModel::trt:
+      return {even, 1 / settings.rates.odd - 0.5};
+    case CollisionModel::bgk:
+      return {even, even};
+    case CollisionModel::recursive_regularised:
+    case CollisionModel::central_moment:
+      break;
+  }
+  return {even, 0.5};  // the odd part is set to equilibrium
+}
+
 }  // namespace
 
 Flow::Flow(const FlowSettings& settings)
     : settings_(settings),
-      populations_(settings.grid),
+      populations_(settings.grid, settings.storage),
       cells_(settings.grid),
       step_(collide_and_stream(settings.step())),
       parameters_{settings.rates, settings.acceleration, settings.magic_parameter, settings.law},
@@ -40,7 +55,8 @@ Flow::Flow(const FlowSettings& settings)
       obstacle_links_(settings.grid),
       wet_links_(settings.grid),
       saturated_(settings.grid),
-      bodies_(settings.grid) {
+      bodies_(settings.grid, relaxation_of(settings)),
+      outline_links_(relaxation_of(settings)) {
   if (step_ == nullptr) throw std::invalid_argument("no such variant: " + variant_name(settings.step()));
 }
 
@@ -173,8 +189,9 @@ void Flow::set_solid_nodes(const std::vector<std::uint8_t>& solid) {
 }
 
 void Flow::copy_to(State& state) const {
-  const auto values = populations_.values();
-  state.populations.assign(values.begin(), values.end());
+  populations_.copy_to(state.populations);
+  state.body_memory = bodies_.links().memory().save();
+  state.outline_memory = outline_links_.memory().save();
   state.parity = populations_.parity();
   state.rules_applied = rules_applied_;
   state.sides_complete = sides_complete_;
@@ -183,7 +200,9 @@ void Flow::copy_to(State& state) const {
 void Flow::give_back(const State& state, std::span<const double> positions,
                      std::span<const double> velocities, double velocity_scale) {
   if (wet_) place(positions, velocities, velocity_scale, false);
-  std::copy(state.populations.begin(), state.populations.end(), populations_.values().begin());
+  populations_.copy_from(state.populations);
+  bodies_.links().memory().restore(state.body_memory);
+  outline_links_.memory().restore(state.outline_memory);
   populations_.set_parity(state.parity);
   rules_applied_ = state.rules_applied;
   sides_complete_ = state.sides_complete;
@@ -194,14 +213,17 @@ void Flow::apply_rules(Parity parity, bool sides_complete) {
   exchange_and_reflect(populations_, parity, settings_.sides);
   if (obstacles_) obstacle_links_.reflect(populations_, parity, compressible);
   if (wet_) wet_links_.reflect(populations_, parity, compressible);
-  if (!bodies_.empty()) bodies_.links().reflect(populations_, parity, compressible);
-  if (!outline_links_.empty()) outline_links_.reflect(populations_, parity, compressible);
+  if (!bodies_.empty()) bodies_.links().reflect(populations_, parity, compressible, settings_.acceleration);
+  if (!outline_links_.empty())
+    outline_links_.reflect(populations_, parity, compressible, settings_.acceleration);
   if (!solid_node_links_.empty()) solid_node_links_.reflect(populations_, parity, compressible);
   if (obstacles_) obstacle_edges_.close(populations_, parity, compressible);
   if (wet_) wet_edges_.close(populations_, parity, compressible);
   complete_open_sides(populations_, parity, cells_, settings_.sides, settings_.equilibrium,
                       settings_.force == ForceModel::guo ? settings_.acceleration : std::array<double, 3>{},
                       sides_complete);
+  bodies_.links().note(populations_, parity);
+  outline_links_.note(populations_, parity);
 }
 
 BodyLoad Flow::body_load(std::size_t body) const {

@@ -31,10 +31,11 @@ struct FlowSettings {
   std::array<double, 3> acceleration{};  // body force per mass
   double magic_parameter = 3.0 / 16.0;   // where the viscosity varies
   ViscosityLaw law;
+  Storage storage = Storage::double_precision;
   RefillRule refill = RefillRule::extrapolated_nonequilibrium;  // behind moving discs and spheres
 
   [[nodiscard]] StepChoice step() const {
-    return {grid.dimension(), collision, equilibrium, force, viscosity};
+    return {grid.dimension(), collision, equilibrium, force, viscosity, storage};
   }
   /// What velocities gain from the body force beyond the populations' momentum.
   [[nodiscard]] std::array<double, 3> velocity_shift() const {
@@ -92,6 +93,8 @@ public:
   /// What the flow can be given back later: everything but the surfaces and the sides' values.
   struct State {
     std::vector<double> populations;
+    std::vector<double> body_memory;  // of one-point wall rules
+    std::vector<double> outline_memory;
     Parity parity = Parity::odd;
     bool rules_applied = false;
     bool sides_complete = false;
@@ -112,6 +115,11 @@ public:
 
   [[nodiscard]] const Surface* wet_surface() const { return wet_ ? &*wet_ : nullptr; }
   [[nodiscard]] const Surface* obstacles() const { return obstacles_ ? &*obstacles_ : nullptr; }
+  /// What the step of one node reads and writes of populations.
+  [[nodiscard]] double bytes_per_update() const {
+    return 2.0 * populations_.lattice().count *
+           (populations_.storage() == Storage::single_precision ? sizeof(float) : sizeof(double));
+  }
   /// Momentum exchange on the surfaces, after `apply_boundaries`.
   [[nodiscard]] Force wet_force() const;
   [[nodiscard]] Force obstacle_force() const;

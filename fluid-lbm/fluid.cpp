@@ -454,7 +454,7 @@ AdvanceResult Fluid::result() {
   advanced.watches = evaluate_watches(scene_, fields_, *flow_, end_time_, total);
   advanced.work = {.steps = steps_,
                    .updates = updates_,
-                   .bytes_per_update = 2.0 * flow_->populations().lattice().count * sizeof(double),
+                   .bytes_per_update = flow_->bytes_per_update(),
                    .phase_seconds = {{"collide and stream", seconds_.collide_and_stream},
                                      {"wet surface", seconds_.wet_surface},
                                      {"fields and loads", seconds_.fields_and_loads}}};
@@ -472,6 +472,8 @@ void Fluid::save(const std::filesystem::path& file) {
   Flow::State state;
   flow_->copy_to(state);
   writer.add("populations", state.populations);
+  if (!state.body_memory.empty()) writer.add("memory of bodies' walls", state.body_memory);
+  if (!state.outline_memory.empty()) writer.add("memory of outlines' walls", state.outline_memory);
   writer.add("parity", std::uint64_t{state.parity == Parity::odd});
   writer.add("rules applied", std::uint64_t{state.rules_applied});
   writer.add("steps", steps_);
@@ -498,6 +500,8 @@ void Fluid::load(const std::filesystem::path& file) {
   Flow::State state;
   flow_->copy_to(state);
   reader.read("populations", state.populations);
+  if (!state.body_memory.empty()) state.body_memory = reader.read_all("memory of bodies' walls");
+  if (!state.outline_memory.empty()) state.outline_memory = reader.read_all("memory of outlines' walls");
   state.parity = reader.read_count("parity") == 1 ? Parity::odd : Parity::even;
   state.rules_applied = state.sides_complete = reader.read_count("rules applied") == 1;
   steps_ = reader.read_count("steps");

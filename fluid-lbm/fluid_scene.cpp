@@ -30,10 +30,10 @@ std::vector<Expression> parse_expressions(SceneTable& table, std::string_view ke
 
 WallRule read_wall_rule(SceneTable& table, WallRule fallback) {
   if (!table.has("wall_rule")) return fallback;
-  static constexpr std::array rules{"linear"sv, "half-way"sv, "quadratic"sv, "central-linear"sv,
-                                    "yin-zhang"sv};
-  static constexpr std::array values{WallRule::linear, WallRule::halfway, WallRule::quadratic,
-                                     WallRule::central_linear, WallRule::yin_zhang};
+  static constexpr std::array rules{"linear"sv,         "half-way"sv,  "quadratic"sv,
+                                    "central-linear"sv, "yin-zhang"sv, "one-point"sv};
+  static constexpr std::array values{WallRule::linear,         WallRule::halfway,   WallRule::quadratic,
+                                     WallRule::central_linear, WallRule::yin_zhang, WallRule::one_point};
   const std::string name = table.choice("wall_rule", rules);
   for (std::size_t n = 0; n < rules.size(); ++n) {
     if (name == rules[n]) return values[n];

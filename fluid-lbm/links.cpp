@@ -162,7 +162,7 @@ void Links::add(const Candidate& candidate, int i, const Surface& surface, const
 
 void Links::reflect(Populations& populations, Parity parity, bool compressible) const {
   const std::size_t k = index_of(parity);
-  double* const f = populations.data();
+  Populations& f = populations;
   const std::size_t groups = first_of_node_.empty() ? 0 : first_of_node_.size() - 1;
 #pragma omp for schedule(static)
   for (std::size_t group = 0; group < groups; ++group) {

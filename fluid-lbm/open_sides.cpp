@@ -10,18 +10,24 @@ namespace {
 template <class Lattice>
 using Values = std::array<double, Lattice::count>;
 
+// Places of a node's populations, counted from the node: the same for all nodes.
 template <class Lattice>
-Values<Lattice> incoming_of(const Populations& p, Parity parity, std::ptrdiff_t node) {
-  Values<Lattice> f;
-  for (int i = 0; i < Lattice::count; ++i) f[static_cast<std::size_t>(i)] = p[p.incoming(parity, i, node)];
-  return f;
-}
+struct Places {
+  Places(const Populations& p, Parity parity) {
+    for (int i = 0; i < Lattice::count; ++i) {
+      incoming[static_cast<std::size_t>(i)] = p.incoming(parity, i, 0);
+      leaving[static_cast<std::size_t>(i)] = p.post_collision(parity, i, 0);
+    }
+  }
+  std::array<std::ptrdiff_t, Lattice::count> incoming;
+  std::array<std::ptrdiff_t, Lattice::count> leaving;
+};
 
 template <class Lattice>
-Values<Lattice> leaving_of(const Populations& p, Parity parity, std::ptrdiff_t node) {
+Values<Lattice> read(const Populations& p, const std::array<std::ptrdiff_t, Lattice::count>& places,
+                     std::ptrdiff_t node) {
   Values<Lattice> f;
-  for (int i = 0; i < Lattice::count; ++i)
-    f[static_cast<std::size_t>(i)] = p[p.post_collision(parity, i, node)];
+  for (std::size_t i = 0; i < Lattice::count; ++i) f[i] = p[places[i] + node];
   return f;
 }
 
@@ -41,14 +47,15 @@ double inverse_of(const Context& context, double excess) {
 
 // Equilibrium with the moments given and the non-equilibrium part of the neighbour's populations.
 template <class Lattice>
-void impose(Populations& p, Parity parity, std::ptrdiff_t node, const Moments& wanted,
+void impose(Populations& p, const Places<Lattice>& places, std::ptrdiff_t node, const Moments& wanted,
             const Values<Lattice>& f, const Moments& m, const Context& context) {
   const double inverse = inverse_of(context, m.excess);
   const double wanted_inverse = inverse_of(context, wanted.excess);
-  for (int i = 0; i < Lattice::count; ++i) {
-    p[p.incoming(parity, i, node)] = equilibrium<Lattice>(i, wanted, wanted_inverse) +
-                                     f[static_cast<std::size_t>(i)] - equilibrium<Lattice>(i, m, inverse);
-  }
+  unrolled<Lattice::count>([&](auto index) {
+    constexpr auto i = static_cast<std::size_t>(index());
+    p[places.incoming[i] + node] = equilibrium<Lattice>(index(), wanted, wanted_inverse) + f[i] -
+                                   equilibrium<Lattice>(index(), m, inverse);
+  });
 }
 
 // The neighbour's velocity across the side and none along it, at another density.
@@ -61,10 +68,10 @@ Moments with_velocity_of(const Moments& m, double excess, int axis, const Contex
 // Density and velocity one step on, from the waves that leave and the one that the wanted pressure sends in.
 // Read from what left the node and its inner neighbour at the last step.
 template <class Lattice>
-Moments let_out(const Populations& p, Parity parity, std::ptrdiff_t node, std::ptrdiff_t inner, double excess,
-                const SideFrame& frame, const Context& context) {
-  const Moments here = moments_of<Lattice>(leaving_of<Lattice>(p, parity, node));
-  const Moments there = moments_of<Lattice>(leaving_of<Lattice>(p, parity, inner));
+Moments let_out(const Populations& p, const Places<Lattice>& places, std::ptrdiff_t node,
+                std::ptrdiff_t inner, double excess, const SideFrame& frame, const Context& context) {
+  const Moments here = moments_of<Lattice>(read<Lattice>(p, places.leaving, node));
+  const Moments there = moments_of<Lattice>(read<Lattice>(p, places.leaving, inner));
   const double inverse = inverse_of(context, here.excess);
   const double density = 1 / inverse;
   const double there_inverse = inverse_of(context, there.excess);
@@ -94,12 +101,13 @@ Moments let_out(const Populations& p, Parity parity, std::ptrdiff_t node, std::p
 
 // All populations from the moments and the stress of the known ones and of the unknown ones bounced back.
 template <class Lattice>
-void regularise(Populations& p, Parity parity, std::ptrdiff_t node, const Moments& m, double inverse) {
+void regularise(Populations& p, const Places<Lattice>& places, std::ptrdiff_t node, const Moments& m,
+                double inverse) {
   std::array<double, 6> stress{};
   Values<Lattice> difference;
   for (int i = 0; i < Lattice::count; ++i) {
     difference[static_cast<std::size_t>(i)] =
-        p[p.incoming(parity, i, node)] - equilibrium<Lattice>(i, m, inverse);
+        p[places.incoming[static_cast<std::size_t>(i)] + node] - equilibrium<Lattice>(i, m, inverse);
   }
   constexpr std::array<std::array<std::size_t, 2>, 6> pairs{{{0, 0}, {1, 1}, {2, 2}, {0, 1}, {0, 2}, {1, 2}}};
   for (std::size_t i = 1; i < Lattice::count; ++i) {
@@ -115,58 +123,69 @@ void regularise(Populations& p, Parity parity, std::ptrdiff_t node, const Moment
       const double hermite = c[pairs[k][0]] * c[pairs[k][1]] - (diagonal ? 1.0 / 3.0 : 0.0);
       sum += (diagonal ? 1.0 : 2.0) * hermite * stress[k];
     }
-    p[p.incoming(parity, static_cast<int>(i), node)] =
+    p[places.incoming[i] + node] =
         equilibrium<Lattice>(static_cast<int>(i), m, inverse) + 4.5 * Lattice::weight[i] * sum;
   }
 }
 
-template <class Lattice>
-void complete_node(Populations& p, Parity parity, std::ptrdiff_t node, std::size_t entry,
-                   const SideFrame& frame, const Context& context) {
+// Which side, as a compile-time constant: every step passes here, and in a small channel this is what costs.
+template <int normal_axis, int outward_sign>
+struct Facing {
+  static constexpr std::size_t axis = normal_axis;
+  static constexpr int outward = outward_sign;
+};
+
+template <class Lattice, class Chosen>
+void complete_node(Populations& p, const Places<Lattice>& places, std::ptrdiff_t node, std::size_t entry,
+                   const Context& context) {
+  constexpr std::size_t normal = Chosen::axis;
+  constexpr int outward = Chosen::outward;
   const Side& side = context.side;
-  const auto normal_axis = static_cast<std::size_t>(frame.axis);
-  const auto f = incoming_of<Lattice>(p, parity, node);
+  const auto f = read<Lattice>(p, places.incoming, node);
   double known = 0;
   double leaving = 0;
   std::array<double, 3> in_plane{};  // momentum along the side of what moves along it
-  for (std::size_t i = 0; i < Lattice::count; ++i) {
-    const auto& c = Lattice::velocity[i];
-    if (c[normal_axis] == 0) {
+  unrolled<Lattice::count>([&](auto index) {
+    constexpr auto i = static_cast<std::size_t>(index());
+    constexpr auto c = Lattice::velocity[i];
+    if constexpr (c[normal] == 0) {
       known += f[i];
       for (std::size_t axis = 0; axis < 3; ++axis) in_plane[axis] += c[axis] * f[i];
-    } else if (c[normal_axis] == frame.outward) {
+    } else if constexpr (c[normal] == outward) {
       leaving += f[i];
     }
-  }
+  });
   std::array<double, 3> momentum{};  // wanted sum of c_i f_i
   double excess = 0;
   if (side.kind == SideKind::pressure || side.kind == SideKind::outflow) {
     excess = side.excess[entry];
-    momentum[normal_axis] = -frame.outward * (excess - known - 2 * leaving);
+    momentum[normal] = -outward * (excess - known - 2 * leaving);
   } else {
     const std::array<double, 3> velocity{side.velocity_x[entry], side.velocity_y[entry],
                                          side.velocity_z.empty() ? 0.0 : side.velocity_z[entry]};
     // The velocity holds half the body force, the populations do not.
-    const double half_force = 0.5 * context.acceleration[normal_axis];
-    const double inward = -frame.outward * (velocity[normal_axis] - half_force);
+    const double half_force = 0.5 * context.acceleration[normal];
+    const double inward = -outward * (velocity[normal] - half_force);
     const double density = context.compressible ? (1 + known + 2 * leaving) / (1 - inward) : 1.0;
     for (std::size_t axis = 0; axis < 3; ++axis)
       momentum[axis] = density * (velocity[axis] - 0.5 * context.acceleration[axis]);
     excess = known + 2 * leaving + density * inward;
   }
-  for (std::size_t i = 1; i < Lattice::count; ++i) {
-    const auto& c = Lattice::velocity[i];
-    if (c[normal_axis] != -frame.outward) continue;
-    double value = f[static_cast<std::size_t>(Lattice::opposite[i])];
-    for (std::size_t axis = 0; axis < 3; ++axis) value += 6.0 * Lattice::weight[i] * c[axis] * momentum[axis];
-    for (std::size_t axis = 0; axis < 3; ++axis) {
-      if (axis == normal_axis || c[axis] == 0) continue;
-      value -= c[axis] * (0.5 * in_plane[axis] - momentum[axis] / 3.0);
+  unrolled<Lattice::count>([&](auto index) {
+    constexpr auto i = static_cast<std::size_t>(index());
+    constexpr auto c = Lattice::velocity[i];
+    if constexpr (c[normal] == -outward) {
+      double value = f[static_cast<std::size_t>(Lattice::opposite[i])] +
+                     6.0 * Lattice::weight[i] * along<Lattice, i>(momentum[0], momentum[1], momentum[2]);
+      for (std::size_t axis = 0; axis < 3; ++axis) {
+        if (axis == normal || c[axis] == 0) continue;
+        value -= c[axis] * (0.5 * in_plane[axis] - momentum[axis] / 3.0);
+      }
+      p[places.incoming[i] + node] = value;
     }
-    p[p.incoming(parity, static_cast<int>(i), node)] = value;
-  }
+  });
   if (side.kind == SideKind::regularised_velocity) {
-    regularise<Lattice>(p, parity, node, {excess, momentum[0], momentum[1], momentum[2]},
+    regularise<Lattice>(p, places, node, {excess, momentum[0], momentum[1], momentum[2]},
                         inverse_of(context, excess));
   }
 }
@@ -174,8 +193,8 @@ void complete_node(Populations& p, Parity parity, std::ptrdiff_t node, std::size
 // Nodes of a side exchange populations with each other and with the same inner nodes, so that all are looked
 // at before any is changed.
 template <class Lattice>
-void let_all_out(Populations& p, Parity parity, const Cells& cells, const SideFrame& frame, Side& side,
-                 const Context& context) {
+void let_all_out(Populations& p, const Places<Lattice>& places, const Cells& cells, const SideFrame& frame,
+                 Side& side, const Context& context) {
 #pragma omp single
   side.next.resize(static_cast<std::size_t>(frame.size()));
 #pragma omp for schedule(static)
@@ -185,17 +204,18 @@ void let_all_out(Populations& p, Parity parity, const Cells& cells, const SideFr
     if (!cells.fluid(at[0], at[1], at[2]) || !cells.fluid(inner[0], inner[1], inner[2])) continue;
     const auto entry = static_cast<std::size_t>(k);
     side.next[entry] =
-        let_out<Lattice>(p, parity, p.node(at[0], at[1], at[2]), p.node(inner[0], inner[1], inner[2]),
+        let_out<Lattice>(p, places, p.node(at[0], at[1], at[2]), p.node(inner[0], inner[1], inner[2]),
                          side.excess[entry], frame, context);
   }
 }
 
-template <class Lattice>
+template <class Lattice, class Chosen>
 void complete(Populations& p, Parity parity, const Cells& cells, int name, Side& side,
               const Context& context) {
   const SideFrame frame(name, {p.nx(), p.ny(), p.nz() > 0 ? p.nz() : 1});
+  const Places<Lattice> places(p, parity);
   const bool from_inside = side.kind == SideKind::pressure || side.kind == SideKind::outflow;
-  if (side.kind == SideKind::outflow) let_all_out<Lattice>(p, parity, cells, frame, side, context);
+  if (side.kind == SideKind::outflow) let_all_out<Lattice>(p, places, cells, frame, side, context);
 #pragma omp for schedule(static) nowait
   for (int k = 0; k < frame.size(); ++k) {
     const std::array<int, 3> at = frame.node(k);
@@ -204,14 +224,14 @@ void complete(Populations& p, Parity parity, const Cells& cells, int name, Side&
     const std::array<int, 3> inner = frame.inner(at);
     const auto entry = static_cast<std::size_t>(k);
     if (from_inside && cells.fluid(inner[0], inner[1], inner[2])) {
-      const auto f = incoming_of<Lattice>(p, parity, p.node(inner[0], inner[1], inner[2]));
+      const auto f = read<Lattice>(p, places.incoming, p.node(inner[0], inner[1], inner[2]));
       const Moments m = moments_of<Lattice>(f);
       const Moments wanted = side.kind == SideKind::outflow
                                  ? side.next[entry]
                                  : with_velocity_of(m, side.excess[entry], frame.axis, context);
-      impose<Lattice>(p, parity, node, wanted, f, m, context);
+      impose<Lattice>(p, places, node, wanted, f, m, context);
     } else {
-      complete_node<Lattice>(p, parity, node, entry, frame, context);
+      complete_node<Lattice, Chosen>(p, places, node, entry, context);
     }
   }
 }
@@ -229,10 +249,33 @@ void complete_open_sides(Populations& populations, Parity parity, const Cells& c
     if (!is_open(side.kind) || (again && side.kind == SideKind::outflow)) continue;
     any = true;
     const Context context{side, compressible, acceleration};
-    if (dimension == 3) {
-      complete<D3Q19>(populations, parity, cells, name, side, context);
-    } else {
-      complete<D2Q9>(populations, parity, cells, name, side, context);
+    const auto facing = [&](auto side_facing) {
+      using Chosen = decltype(side_facing);
+      if (dimension == 3) {
+        complete<D3Q19, Chosen>(populations, parity, cells, name, side, context);
+      } else if constexpr (Chosen::axis < 2) {
+        complete<D2Q9, Chosen>(populations, parity, cells, name, side, context);
+      }
+    };
+    switch (name) {
+      case left:
+        facing(Facing<0, -1>{});
+        break;
+      case right:
+        facing(Facing<0, 1>{});
+        break;
+      case bottom:
+        facing(Facing<1, -1>{});
+        break;
+      case top:
+        facing(Facing<1, 1>{});
+        break;
+      case back:
+        facing(Facing<2, -1>{});
+        break;
+      default:
+        facing(Facing<2, 1>{});
+        break;
     }
   }
   if (any) {

@@ -9,7 +9,7 @@
 namespace estuary::fluid {
 namespace {
 
-constexpr std::ptrdiff_t cache_line = 8;  // doubles
+constexpr std::ptrdiff_t cache_line = 8;  // doubles; half a line of floats
 constexpr std::ptrdiff_t page = 512;      // doubles
 
 constexpr std::ptrdiff_t round_up(std::ptrdiff_t value, std::ptrdiff_t unit) {
@@ -32,11 +32,21 @@ constexpr std::ptrdiff_t plane_size(int nx, int ny, int nz) {
          (nz > 0 ? 3 : 7) * cache_line;
 }
 
+void* reserve(std::size_t bytes) {
+  constexpr std::size_t huge_page = std::size_t{1} << 21;
+  const std::size_t alignment = bytes > 4 * huge_page ? huge_page : 4096;
+  void* memory = std::aligned_alloc(alignment, (bytes + alignment - 1) / alignment * alignment);
+  if (memory == nullptr) throw std::bad_alloc();
+  if (alignment == huge_page)
+    madvise(memory, bytes, MADV_HUGEPAGE);  // fewer address translations; may be refused
+  return memory;
+}
+
 }  // namespace
 
 Populations::Populations(int nx, int ny) : Populations(Grid{nx, ny}) {}
 
-Populations::Populations(const Grid& grid)
+Populations::Populations(const Grid& grid, Storage storage)
     : lattice_(lattice_of_dimension(grid.dimension())),
       nx_(grid.nx),
       ny_(grid.ny),
@@ -50,33 +60,47 @@ Populations::Populations(const Grid& grid)
     const auto& c = lattice_.velocity[i];
     steps_[static_cast<std::size_t>(i)] = c[2] * layer_ + c[1] * pitch_ + c[0];
   }
-  constexpr std::size_t huge_page = std::size_t{1} << 21;
-  const std::size_t bytes = size_ * sizeof(double);
-  const std::size_t alignment = bytes > 4 * huge_page ? huge_page : 4096;
-  void* memory = std::aligned_alloc(alignment, (bytes + alignment - 1) / alignment * alignment);
-  if (memory == nullptr) throw std::bad_alloc();
-  if (alignment == huge_page)
-    madvise(memory, bytes, MADV_HUGEPAGE);  // fewer address translations; may be refused
-  data_.reset(static_cast<double*>(memory));
-  double* values = data_.get();
+  if (storage == Storage::single_precision) {
+    single_.reset(static_cast<float*>(reserve(size_ * sizeof(float))));
+  } else {
+    double_.reset(static_cast<double*>(reserve(size_ * sizeof(double))));
+  }
   // Each thread touches first what it will work on.
   const std::ptrdiff_t all_rows = layers(nz_) * (ny_ + 2);
-  for (int i = 0; i < lattice_.count; ++i) {
+  visit([&](auto* const values) {
+    for (int i = 0; i < lattice_.count; ++i) {
 #pragma omp parallel for schedule(static)
-    for (std::ptrdiff_t row = 0; row < all_rows; ++row) {
-      std::fill_n(values + i * plane_ + row * pitch_, pitch_, 0.0);
+      for (std::ptrdiff_t row = 0; row < all_rows; ++row) {
+        std::fill_n(values + i * plane_ + row * pitch_, pitch_, 0);
+      }
+      std::fill_n(values + i * plane_ + all_rows * pitch_, plane_ - all_rows * pitch_, 0);
     }
-    std::fill_n(values + i * plane_ + all_rows * pitch_, plane_ - all_rows * pitch_, 0.0);
+  });
+}
+
+void Populations::copy_to(std::vector<double>& values) const {
+  if (single_) {
+    values.assign(single_.get(), single_.get() + size_);
+  } else {
+    values.assign(double_.get(), double_.get() + size_);
   }
 }
 
-double Populations::memory_bytes(const Grid& grid) {
-  return static_cast<double>(lattice_of_dimension(grid.dimension()).count *
-                             plane_size(grid.nx, grid.ny, grid.nz)) *
-         sizeof(double);
+void Populations::copy_from(std::span<const double> values) {
+  visit([&](auto* const to) {
+    std::transform(values.begin(), values.end(), to,
+                   [](double value) { return static_cast<std::remove_reference_t<decltype(*to)>>(value); });
+  });
 }
 
-void Populations::Release::operator()(double* memory) const {
+double Populations::memory_bytes(const Grid& grid, Storage storage) {
+  const std::size_t bytes = storage == Storage::single_precision ? sizeof(float) : sizeof(double);
+  return static_cast<double>(lattice_of_dimension(grid.dimension()).count *
+                             plane_size(grid.nx, grid.ny, grid.nz)) *
+         static_cast<double>(bytes);
+}
+
+void Populations::Release::operator()(void* memory) const {
   std::free(memory);
 }
 

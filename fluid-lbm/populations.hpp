@@ -22,6 +22,9 @@
 #include <cstddef>
 #include <memory>
 #include <span>
+#include <type_traits>
+#include <utility>
+#include <vector>
 
 #include "grid.hpp"
 #include "lattice.hpp"
@@ -31,11 +34,15 @@ namespace estuary::fluid {
 /// Which kind of step was done last. A new state counts as `odd`: each population stands at its own node.
 enum class Parity { even, odd };
 
+/// How a population is kept in memory; arithmetic is in double precision. In single precision half the bytes
+/// move, and each step rounds f_i - w_i to 24 bits.
+enum class Storage { double_precision, single_precision };
+
 class Populations {
 public:
   /// Nodes of the grid at rest, with one layer of ghost nodes around them; D2Q9 or D3Q19 by the grid's
   /// dimension. Throws std::bad_alloc.
-  explicit Populations(const Grid& grid);
+  explicit Populations(const Grid& grid, Storage storage = Storage::double_precision);
   /// In two dimensions.
   Populations(int nx, int ny);
 
@@ -68,18 +75,61 @@ public:
     return parity == Parity::even ? slot(opposite(i), node - step(i)) : slot(i, node);
   }
 
-  [[nodiscard]] double* data() { return data_.get(); }
-  [[nodiscard]] const double* data() const { return data_.get(); }
-  [[nodiscard]] double& operator[](std::ptrdiff_t location) { return data_.get()[location]; }
-  [[nodiscard]] double operator[](std::ptrdiff_t location) const { return data_.get()[location]; }
+  /// A population, wherever it is kept.
+  class Reference {
+  public:
+    Reference(Populations& of, std::ptrdiff_t location) : of_(of), location_(location) {}
+    operator double() const { return std::as_const(of_)[location_]; }  // stands for a double
+    void operator=(double value) const { of_.set(location_, value); }
+    void operator+=(double value) const { of_.set(location_, std::as_const(of_)[location_] + value); }
+    void operator-=(double value) const { of_.set(location_, std::as_const(of_)[location_] - value); }
+
+  private:
+    Populations& of_;
+    std::ptrdiff_t location_;
+  };
+  [[nodiscard]] Reference operator[](std::ptrdiff_t location) { return {*this, location}; }
+  [[nodiscard]] double operator[](std::ptrdiff_t location) const {
+    return single_ ? static_cast<double>(single_.get()[location]) : double_.get()[location];
+  }
+  void set(std::ptrdiff_t location, double value) {
+    if (single_) {
+      single_.get()[location] = static_cast<float>(value);
+    } else {
+      double_.get()[location] = value;
+    }
+  }
+  [[nodiscard]] Storage storage() const {
+    return single_ ? Storage::single_precision : Storage::double_precision;
+  }
+  /// The whole array, null when populations are kept the other way.
+  template <class Stored>
+  [[nodiscard]] Stored* data() {
+    if constexpr (std::is_same_v<Stored, float>) {
+      return single_.get();
+    } else {
+      return double_.get();
+    }
+  }
+  /// Calls `body` with the array, a pointer to float or double.
+  template <class Body>
+  void visit(Body&& body) {
+    if (single_) {
+      body(single_.get());
+    } else {
+      body(double_.get());
+    }
+  }
   /// All values, ghosts and padding included: what a copy or a checkpoint has to hold besides the parity.
-  [[nodiscard]] std::span<double> values() { return {data_.get(), size_}; }
-  [[nodiscard]] std::span<const double> values() const { return {data_.get(), size_}; }
-  [[nodiscard]] static double memory_bytes(const Grid& grid);
+  void copy_to(std::vector<double>& values) const;
+  /// What `copy_to` gave.
+  void copy_from(std::span<const double> values);
+  [[nodiscard]] std::size_t size() const { return size_; }
+  [[nodiscard]] static double memory_bytes(const Grid& grid, Storage storage = Storage::double_precision);
 
 private:
   struct Release {
-    void operator()(double* memory) const;
+    void operator()(void* memory) const;
   };
   [[nodiscard]] int opposite(int i) const { return lattice_.opposite[i]; }
 
@@ -93,7 +143,8 @@ private:
   std::ptrdiff_t origin_;
   std::size_t size_;
   std::array<std::ptrdiff_t, most_velocities> steps_{};
-  std::unique_ptr<double, Release> data_;
+  std::unique_ptr<double, Release> double_;  // one of these
+  std::unique_ptr<float, Release> single_;
   Parity parity_ = Parity::odd;
 };
 

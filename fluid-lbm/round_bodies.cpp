@@ -48,7 +48,7 @@ void merge(std::vector<Span>& row) {
 
 }  // namespace
 
-RoundBodies::RoundBodies(const Grid& grid) : grid_(grid) {}
+RoundBodies::RoundBodies(const Grid& grid, RelaxationParts relaxation) : grid_(grid), links_(relaxation) {}
 
 // From the body's centre, or its image nearest to the node, to the node.
 std::array<double, 3> RoundBodies::offset(std::size_t body, Node node) const {

@@ -19,7 +19,7 @@ struct RoundMove {
 
 class RoundBodies {
 public:
-  explicit RoundBodies(const Grid& grid);
+  explicit RoundBodies(const Grid& grid, RelaxationParts relaxation = {});
 
   /// Marks the nodes inside and finds the links; gives back false when nothing changed. Outside of a
   /// parallel region.
@@ -28,6 +28,7 @@ public:
   [[nodiscard]] bool empty() const { return bodies_.count() == 0; }
   [[nodiscard]] const Grains& bodies() const { return bodies_; }
   [[nodiscard]] const WallLinks& links() const { return links_; }
+  [[nodiscard]] WallLinks& links() { return links_; }
 
   /// Velocity of the body that covers a point, or that is nearest to it, there [lattice units], and the
   /// normal into the fluid.

@@ -92,6 +92,12 @@ void read_model(SceneTable& fluid, int dimension, FluidScene& result, Plan& plan
   if (flow.viscosity != ViscosityModel::constant && flow.force == ForceModel::unshifted) {
     fluid.problem("forcing", "the unshifted force goes with a constant viscosity only");
   }
+  static constexpr std::array storages{"double"sv, "float"sv};
+  if (fluid.choice("storage", storages) == "float") flow.storage = Storage::single_precision;
+  if (flow.storage == Storage::single_precision &&
+      (flow.viscosity != ViscosityModel::constant || flow.force != ForceModel::none)) {
+    fluid.problem("storage", "\"float\" goes with a constant viscosity and without a body force only");
+  }
   if (product_form && flow.force == ForceModel::unshifted) {
     fluid.problem("forcing", "the unshifted force goes with BGK and TRT only");
   }

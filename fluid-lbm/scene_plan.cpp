@@ -44,7 +44,8 @@ void fill_plan(const FluidScene& result, Plan& plan) {
         fmt::format("cell Reynolds number {:.3g}: above 10 boundary layers are not resolved", grid_reynolds));
   }
   plan.memory_bytes =
-      Populations::memory_bytes(grid) * (result.has_partner && result.mode == Mode::transient ? 2 : 1) +
+      Populations::memory_bytes(grid, result.flow.storage) +
+      (result.has_partner && result.mode == Mode::transient ? Populations::memory_bytes(grid) : 0.0) +
       nodes * (1 + 3 * 8 + (result.mode == Mode::steady ? 16 : 0) + (result.has_partner ? 8 : 0));
   if (result.mode == Mode::transient)
     plan.expected_updates = nodes * std::ceil(result.end_time / units.time_step);

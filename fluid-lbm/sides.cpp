@@ -1,9 +1,25 @@
 #include "sides.hpp"
 
+#include <algorithm>
+
 #include "side_frame.hpp"
 
 namespace estuary::fluid {
 namespace {
+
+// Nodes of a line that a thread copies at a time.
+constexpr int line_piece = 128;
+
+// Copies one line of values that lie in steps of `stride`.
+template <class Stored>
+void copy_line(Stored* to, const Stored* from, std::ptrdiff_t stride, int count) {
+  if (stride == 1) {
+#pragma omp simd
+    for (int k = 0; k < count; ++k) to[k] = from[k];
+    return;
+  }
+  for (int k = 0; k < count; ++k) to[k * stride] = from[k * stride];
+}
 
 // After an even step ghost nodes need what the opposite edge sends out; after an odd one the opposite edge
 // needs what was put into ghost nodes. `towards` is the component along `axis` of the directions that cross
@@ -26,19 +42,31 @@ void copy_across(Populations& p, Parity parity, int axis, int towards) {
   const int first_u = -beyond_u;
   const int last_u = counts[static_cast<std::size_t>(u)] - 1 + beyond_u;
   const int across = last_u - first_u + 1;
-  const int total = across * (last_v - first_v + 1);
+  const int lines = last_v - first_v + 1;
+  const auto place = [&](int at, int at_u, int at_v) {
+    std::array<int, 3> node{};
+    node[static_cast<std::size_t>(axis)] = at;
+    node[static_cast<std::size_t>(u)] = at_u;
+    node[static_cast<std::size_t>(v)] = at_v;
+    return p.node(node[0], node[1], node[2]);
+  };
+  const std::ptrdiff_t along = place(0, 1, 0) - place(0, 0, 0);
+  const std::ptrdiff_t up = place(0, 0, 1) - place(0, 0, 0);
+  const int piece = lines > 1 ? across : line_piece;
+  const int pieces = (across + piece - 1) / piece;
   for (int i = 1; i < lattice.count; ++i) {
     if (lattice.velocity[i][static_cast<std::size_t>(axis)] != towards) continue;
     const int plane = even ? lattice.opposite[i] : i;
+    const std::ptrdiff_t target = p.slot(plane, place(to, first_u, first_v));
+    const std::ptrdiff_t source = p.slot(plane, place(from, first_u, first_v));
 #pragma omp for schedule(static) nowait
-    for (int k = 0; k < total; ++k) {
-      std::array<int, 3> node{};
-      node[static_cast<std::size_t>(u)] = first_u + k % across;
-      node[static_cast<std::size_t>(v)] = first_v + k / across;
-      node[static_cast<std::size_t>(axis)] = to;
-      const std::ptrdiff_t target = p.slot(plane, p.node(node[0], node[1], node[2]));
-      node[static_cast<std::size_t>(axis)] = from;
-      p[target] = p[p.slot(plane, p.node(node[0], node[1], node[2]))];
+    for (int job = 0; job < lines * pieces; ++job) {
+      const int line = job / pieces;
+      const int begin = job % pieces * piece;
+      const std::ptrdiff_t offset = line * up + begin * along;
+      p.visit([&](auto* const f) {
+        copy_line(f + target + offset, f + source + offset, along, std::min(piece, across - begin));
+      });
     }
   }
 }
@@ -77,12 +105,30 @@ double velocity_at_rim(const Sides& sides, int name, const std::array<int, 3>& n
   return axis == 0 ? side.velocity_x[hit] : side.velocity_y[hit];
 }
 
+// What the two nodes, or lines of nodes, of a wall's rim get back, where another side begins.
+void reflect_at_rim(Populations& p, Parity parity, const Sides& sides, const SideFrame& frame, int name,
+                    int i, int k) {
+  const LatticeTable& lattice = p.lattice();
+  const auto& c = lattice.velocity[i];
+  const std::array<int, 3> at = frame.node(k);
+  if (belongs_to_later_wall(sides, frame.counts, name, at, c, lattice.dimension)) return;
+  double along_wall = 0;
+  for (int axis = 0; axis < lattice.dimension; ++axis) {
+    const auto a = static_cast<std::size_t>(axis);
+    if (c[a] != 0) along_wall += c[a] * velocity_at_rim(sides, name, at, c, axis, frame.counts);
+  }
+  const std::ptrdiff_t node = p.node(at[0], at[1], at[2]);
+  p[p.incoming(parity, lattice.opposite[i], node)] =
+      p[p.post_collision(parity, i, node)] - 6.0 * lattice.weight[i] * along_wall;
+}
+
 void reflect_at_wall(Populations& p, Parity parity, const Sides& sides, int name) {
   const Side& side = sides[static_cast<std::size_t>(name)];
   const LatticeTable& lattice = p.lattice();
   const SideFrame frame(name, {p.nx(), p.ny(), p.nz() > 0 ? p.nz() : 1});
   const auto normal = static_cast<std::size_t>(frame.axis);
   const bool moving = !side.velocity_x.empty();
+  const bool plane = lattice.dimension == 2;
   // Nodes of a side lie in rows of equal distances.
   const auto place = [&](int k) {
     const std::array<int, 3> at = frame.node(k);
@@ -91,31 +137,40 @@ void reflect_at_wall(Populations& p, Parity parity, const Sides& sides, int name
   const std::ptrdiff_t origin = place(0);
   const std::ptrdiff_t along = frame.along_u() > 1 ? place(1) - origin : 0;
   const std::ptrdiff_t up = frame.along_v() > 1 ? place(frame.along_u()) - origin : 0;
+  const int inner = std::max(frame.along_u() - 2, 0);  // of a line
+  // Lines are shared out in pieces, so that several threads have something to do in the plane.
+  const int pieces = plane ? (inner + line_piece - 1) / line_piece : 1;
+  const int first_line = plane ? 0 : 1;
+  const int lines = plane ? 1 : std::max(frame.along_v() - 2, 0);
   for (int i = 1; i < lattice.count; ++i) {
     const auto& c = lattice.velocity[i];
     if (c[normal] != frame.outward) continue;
-    const int o = lattice.opposite[i];
+    const std::ptrdiff_t leaving = p.post_collision(parity, i, origin);
+    const std::ptrdiff_t back = p.incoming(parity, lattice.opposite[i], origin);
+    const double weight = 6.0 * lattice.weight[i];
 #pragma omp for schedule(static) nowait
-    for (int k = 0; k < frame.size(); ++k) {
-      const int row = frame.row(k);
-      const std::ptrdiff_t node = origin + row * up + (k - row * frame.along_u()) * along;
-      double value = p[p.post_collision(parity, i, node)];
-      if (frame.on_rim(k, lattice.dimension)) {
-        const std::array<int, 3> at = frame.node(k);
-        if (belongs_to_later_wall(sides, frame.counts, name, at, c, lattice.dimension)) continue;
-        double along_wall = 0;
-        for (int axis = 0; axis < lattice.dimension; ++axis) {
-          const auto a = static_cast<std::size_t>(axis);
-          if (c[a] != 0) along_wall += c[a] * velocity_at_rim(sides, name, at, c, axis, frame.counts);
-        }
-        value -= 6.0 * lattice.weight[i] * along_wall;
-      } else if (moving) {
-        const std::size_t hit = frame.wall_point(k, c);
+    for (int job = 0; job < lines * pieces; ++job) {
+      const int line = first_line + job / pieces;
+      const int from = 1 + job % pieces * line_piece;
+      const int count = plane ? std::min(line_piece, inner + 1 - from) : inner;
+      const std::ptrdiff_t offset = line * up + from * along;
+      if (!moving) {
+        p.visit([&](auto* const f) { copy_line(f + back + offset, f + leaving + offset, along, count); });
+        continue;
+      }
+      for (int k = 0; k < count; ++k) {
+        const std::size_t hit = frame.wall_point(line * frame.along_u() + from + k, c);
         double along_wall = c[0] * side.velocity_x[hit] + c[1] * side.velocity_y[hit];
         if (!side.velocity_z.empty()) along_wall += c[2] * side.velocity_z[hit];
-        value -= 6.0 * lattice.weight[i] * along_wall;
+        p[back + offset + k * along] = p[leaving + offset + k * along] - weight * along_wall;
       }
-      p[p.incoming(parity, o, node)] = value;
+    }
+#pragma omp for schedule(static) nowait
+    for (int line = 0; line < frame.along_v(); ++line) {
+      const bool whole = !plane && (line == 0 || line == frame.along_v() - 1);
+      const int step = whole ? 1 : std::max(frame.along_u() - 1, 1);
+      for (int k = 0; k < frame.along_u(); k += step)
+        reflect_at_rim(p, parity, sides, frame, name, i, line * frame.along_u() + k);
     }
   }
 }

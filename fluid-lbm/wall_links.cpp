@@ -1,5 +1,8 @@
 #include "wall_links.hpp"
 
+#include <algorithm>
+#include <cmath>
+
 namespace estuary::fluid {
 namespace {
 
@@ -32,6 +35,7 @@ void WallLinks::clear() {
   first_of_node_.clear();
   nodes_.clear();
   counts_ = {};
+  memory_.clear();
 }
 
 void WallLinks::add(Node node, int i, double q, WallRule rule, const std::array<double, 3>& velocity,
@@ -130,12 +134,26 @@ void WallLinks::add(Node node, int i, double q, WallRule rule, const std::array<
       r.velocity_node = near ? here : there;
       break;
     }
+    case WallRule::one_point: {
+      const double k = q < 0.5 ? 1.0 : 1 / (2 * q);
+      r.weight_leaving = r.wall_weight = k;
+      r.weight_second = 1 - k;
+      const bool known = relaxation_.even > 0;
+      const double parabola = known ? 0.75 * q * q / relaxation_.even - relaxation_.odd : 0.0;
+      r.weight_even = 2 * k * q - 1;
+      r.weight_excess = 2 * k * parabola;
+      r.mean_rate = std::min(0.5, 0.5 / std::abs(r.weight_excess));
+      r.weight_odd = 1 - k;
+      r.memory = static_cast<std::ptrdiff_t>(memory_.add(here, i, layout));
+      break;
+    }
   }
   rules_.push_back(r);
   places_.push_back({body, i, velocity, arm});
 }
 
 void WallLinks::finish(std::size_t bodies) {
+  memory_.finish();
   first_of_node_.push_back(rules_.size());
   first_of_body_.assign(bodies + 1, 0);
   for (const Place& place : places_) ++first_of_body_[place.body + 1];
@@ -147,9 +165,10 @@ void WallLinks::finish(std::size_t bodies) {
   }
 }
 
-void WallLinks::reflect(Populations& populations, Parity parity, bool compressible) const {
+void WallLinks::reflect(Populations& populations, Parity parity, bool compressible,
+                        const std::array<double, 3>& acceleration) {
   const std::size_t k = index_of(parity);
-  double* const f = populations.data();
+  Populations& f = populations;
   const LatticeTable& lattice = populations.lattice();
 #pragma omp for schedule(static)
   for (std::size_t group = 0; group < nodes_.size(); ++group) {
@@ -171,6 +190,15 @@ void WallLinks::reflect(Populations& populations, Parity parity, bool compressib
             velocity_along(populations, parity, rule.velocity_node, rule.direction, compressible);
         incoming += slip;
         pushed = 0;  // its own sum over a node's links is what the rule keeps
+      }
+      if (rule.memory >= 0) {
+        const auto& c = lattice.velocity[rule.direction];
+        const double force = 3.0 * lattice.weight[rule.direction] * density *
+                             (c[0] * acceleration[0] + c[1] * acceleration[1] + c[2] * acceleration[2]);
+        const auto change =
+            memory_.change(static_cast<std::size_t>(rule.memory), populations, parity, force, rule.mean_rate);
+        incoming += rule.weight_even * change.even + rule.weight_odd * change.odd +
+                    rule.weight_excess * change.mean_excess;
       }
       gained += incoming - leaving - pushed;
       f[rule.incoming[k]] = incoming;

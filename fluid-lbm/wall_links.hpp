@@ -16,7 +16,19 @@
 //                   the wall and x (q >= 1/2) or x - c_i                      (Yin, Zhang, J. Comput. Phys.
 //                   231
 //                                                                             (2012))
-// A rule that lacks a fluid node behind x falls back, quadratic to linear, the others to halfway; counted.
+//   one-point       k f*_i(x) + (1-k) f*_in(x) + k W + (2kq-1) D+ + (1-k) D- + 2k (C - L) <F_i - D->
+//                   with k = 1 for q < 1/2, else 1/(2q); D+ and D- the change that the last collision made
+//                   to the even and the odd part of the pair (f_i, f_in) at x; F_i = 3 w_i rho c_i.a;
+//                   L = tau- - 1/2 and C = 3 q^2 / (4 (tau+ - 1/2)).
+//                   Of the class of one-node rules of Zhao, Yong, J. Comput. Phys. 329 (2017), and Marson,
+//                   Thorimbert, Chopard, Ginzburg, Latt, Phys. Rev. E 103 (2021), with this project's
+//                   coefficients: by D+ the wall's velocity is met at q for any relaxation time, and by C
+//                   Poiseuille flow along an axis of the lattice is exact for any q, relaxation time and
+//                   magic parameter. Where the viscosity varies C = L. <> is a mean over the last steps, the
+//                   more the larger its weight: taken at once it is unstable at small relaxation times. A
+//                   link's first step has no D and does without.
+// A rule that lacks a fluid node behind x falls back: quadratic to linear, the others to half-way; counted.
+// One-point needs none.
 // Interpolation does not keep a node's mass; what its links gain beyond the wall's motion is taken from its
 // population at rest (in the manner of Kao, Yang 2008).
 #pragma once
@@ -27,10 +39,17 @@
 
 #include "cells.hpp"
 #include "populations.hpp"
+#include "wall_memory.hpp"
 
 namespace estuary::fluid {
 
-enum class WallRule { linear, halfway, quadratic, central_linear, yin_zhang };
+enum class WallRule { linear, halfway, quadratic, central_linear, yin_zhang, one_point };
+
+/// Relaxation times less one half of the even and the odd part; zero where they vary from node to node.
+struct RelaxationParts {
+  double even = 0;
+  double odd = 0;
+};
 
 /// Force and torque on one body, lattice units; about its centre.
 struct BodyLoad {
@@ -46,6 +65,7 @@ struct WallLinkCounts {
 class WallLinks {
 public:
   WallLinks() = default;
+  explicit WallLinks(RelaxationParts relaxation) : relaxation_(relaxation) {}
 
   void clear();
   /// Adds the link of `node` along direction i; links of one node one after another. `arm` goes from the
@@ -59,7 +79,15 @@ public:
   [[nodiscard]] const WallLinkCounts& counts() const { return counts_; }
 
   /// Writes the incoming populations: once per step, by every thread of a parallel region.
-  void reflect(Populations& populations, Parity parity, bool compressible) const;
+  /// `acceleration` is the body force per mass.
+  void reflect(Populations& populations, Parity parity, bool compressible,
+               const std::array<double, 3>& acceleration = {});
+  /// What one-point rules need of a step's populations, once all rules are applied; every thread calls it.
+  void note(const Populations& populations, Parity parity) {
+    if (!memory_.empty()) memory_.note(populations, parity);
+  }
+  [[nodiscard]] WallMemory& memory() { return memory_; }
+  [[nodiscard]] const WallMemory& memory() const { return memory_; }
   /// Momentum exchange (Wen, Zhang, Tu, Wang, Fang, J. Comput. Phys. 266 (2014)), from the populations as
   /// `reflect` left them.
   [[nodiscard]] BodyLoad load(const Populations& populations, Parity parity, std::size_t body) const;
@@ -80,6 +108,12 @@ private:
     std::ptrdiff_t velocity_node = -1;
     double velocity_share = 0;
     int direction = 0;
+    // One-point: number in the memory, weights of the changes and of the force along the link.
+    std::ptrdiff_t memory = -1;
+    double weight_even = 0;
+    double weight_odd = 0;
+    double weight_excess = 0;
+    double mean_rate = 0;
   };
   struct Place {
     std::uint32_t body = 0;
@@ -94,6 +128,8 @@ private:
   std::vector<std::size_t> first_of_body_;
   std::vector<std::uint32_t> by_body_;
   WallLinkCounts counts_;
+  RelaxationParts relaxation_;
+  WallMemory memory_;
 };
 
 }  // namespace estuary::fluid

@@ -15,8 +15,9 @@ namespace estuary::fluid {
 namespace {
 
 constexpr double pi = std::numbers::pi;
-constexpr std::array<WallRule, 5> all_rules{WallRule::linear, WallRule::halfway, WallRule::quadratic,
-                                            WallRule::central_linear, WallRule::yin_zhang};
+constexpr std::array<WallRule, 6> all_rules{WallRule::linear,    WallRule::halfway,
+                                            WallRule::quadratic, WallRule::central_linear,
+                                            WallRule::yin_zhang, WallRule::one_point};
 
 // A wall above a channel, cut at q, whose floor moves: every interpolated rule keeps a linear profile.
 TEST(WallRules, CouetteIsExactAtAnyPosition) {
