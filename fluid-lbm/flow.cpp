@@ -192,6 +192,7 @@ void Flow::copy_to(State& state) const {
   populations_.copy_to(state.populations);
   state.body_memory = bodies_.links().memory().save();
   state.outline_memory = outline_links_.memory().save();
+  state.grain_loads = saturated_.save();
   state.parity = populations_.parity();
   state.rules_applied = rules_applied_;
   state.sides_complete = sides_complete_;
@@ -203,6 +204,7 @@ void Flow::give_back(const State& state, std::span<const double> positions,
   populations_.copy_from(state.populations);
   bodies_.links().memory().restore(state.body_memory);
   outline_links_.memory().restore(state.outline_memory);
+  saturated_.restore(state.grain_loads);
   populations_.set_parity(state.parity);
   rules_applied_ = state.rules_applied;
   sides_complete_ = state.sides_complete;

@@ -95,6 +95,7 @@ public:
     std::vector<double> populations;
     std::vector<double> body_memory;  // of one-point wall rules
     std::vector<double> outline_memory;
+    std::vector<double> grain_loads;  // of partially saturated cells, in the last step
     Parity parity = Parity::odd;
     bool rules_applied = false;
     bool sides_complete = false;

@@ -115,7 +115,7 @@ void Fluid::set_initial_fields() {
 
 void Fluid::place_bodies(double time, double fraction, bool fill) {
   const bool saturated = grains_.active() && scene_.grain_method == GrainMethod::partially_saturated;
-  if (saturated) flow_->place_grains(grains_.at(fraction));
+  if (saturated) flow_->place_grains(grains_.after_step(fraction));
   const bool links = grains_.active() && !saturated;
   if (links || bodies_->obstacle_count() > 0) {
     bodies_->place(time, links ? grains_.at(fraction) : Grains{}, *flow_, fill);
@@ -450,7 +450,8 @@ AdvanceResult Fluid::result() {
   };
   for (std::size_t body = 0; body < bodies_->obstacle_count(); ++body) add(flow_->body_load(body));
   if (!scene_.solid_nodes.empty()) add(flow_->solid_nodes_load());
-  if (grains_.active()) grains_.write(grain_loads(), advanced.outputs);
+  if (grains_.active())
+    grains_.write(grain_loads(), scene_.grain_method == GrainMethod::partially_saturated, advanced.outputs);
   advanced.watches = evaluate_watches(scene_, fields_, *flow_, end_time_, total);
   advanced.work = {.steps = steps_,
                    .updates = updates_,
@@ -474,6 +475,7 @@ void Fluid::save(const std::filesystem::path& file) {
   writer.add("populations", state.populations);
   if (!state.body_memory.empty()) writer.add("memory of bodies' walls", state.body_memory);
   if (!state.outline_memory.empty()) writer.add("memory of outlines' walls", state.outline_memory);
+  if (!state.grain_loads.empty()) writer.add("loads of grains", state.grain_loads);
   writer.add("parity", std::uint64_t{state.parity == Parity::odd});
   writer.add("rules applied", std::uint64_t{state.rules_applied});
   writer.add("steps", steps_);
@@ -502,6 +504,7 @@ void Fluid::load(const std::filesystem::path& file) {
   reader.read("populations", state.populations);
   if (!state.body_memory.empty()) state.body_memory = reader.read_all("memory of bodies' walls");
   if (!state.outline_memory.empty()) state.outline_memory = reader.read_all("memory of outlines' walls");
+  if (!state.grain_loads.empty()) state.grain_loads = reader.read_all("loads of grains");
   state.parity = reader.read_count("parity") == 1 ? Parity::odd : Parity::even;
   state.rules_applied = state.sides_complete = reader.read_count("rules applied") == 1;
   steps_ = reader.read_count("steps");

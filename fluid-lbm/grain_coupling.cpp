@@ -62,11 +62,15 @@ Grains GrainCoupling::at(double fraction) const {
   return to_lattice(between(start_, end_, fraction, duration_), grid_, units_);
 }
 
-void GrainCoupling::write(const GrainLoads& loads, v1::Exchange& outputs) const {
+Grains GrainCoupling::after_step(double fraction) const {
+  return at(duration_ > 0 ? std::min(1.0, fraction + units_.time_step / duration_) : fraction);
+}
+
+void GrainCoupling::write(const GrainLoads& loads, bool filled, v1::Exchange& outputs) const {
   if (!active_) return;
   v1::GrainForces& message = *outputs.mutable_grain_forces();
   write_loads(loads, start_.dimension, units_, message);
-  if (!(duration_ > 0)) return;
+  if (!filled || !(duration_ > 0)) return;
   // Inertia of the fluid inside.
   const auto components = static_cast<std::size_t>(start_.dimension);
   const std::size_t turns = components == 3 ? 3 : 1;

@@ -1,7 +1,7 @@
 // The grains that a partner moves through the fluid: where they are inside a window, and what they feel.
 //
-// Loads are means over the window's steps, so that impulse is conserved whatever the partner's steps are. The
-// fluid inside a grain moves along with it in the lattice; the force that this takes is not the
+// Loads are means over the window's steps, so that impulse is conserved whatever the partner's steps are. In
+// partially saturated cells fluid moves along inside a grain; the force that this takes is not the
 // surrounding fluid's and is taken out: + rho_f V dv/dt, and for the torque rho_f I dw/dt (in the manner of
 // Feng, Michaelides, Comput. Fluids 38 (2009)).
 #pragma once
@@ -27,8 +27,11 @@ public:
   [[nodiscard]] bool resting() const;
   /// Where they are a fraction of the window after its start, lattice units.
   [[nodiscard]] Grains at(double fraction) const;
-  /// `loads` are means over the window, lattice units.
-  void write(const GrainLoads& loads, v1::Exchange& outputs) const;
+  /// One time step later: what the collision of a step that begins there works with, so that the fluid feels
+  /// a window's last velocity in that window already.
+  [[nodiscard]] Grains after_step(double fraction) const;
+  /// `loads` are means over the window, lattice units; `filled`: fluid moves along inside the grains.
+  void write(const GrainLoads& loads, bool filled, v1::Exchange& outputs) const;
   void accept() { start_ = end_; }
   void save(CheckpointWriter& writer) const;
   void load(const CheckpointReader& reader);

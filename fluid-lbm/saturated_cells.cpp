@@ -45,6 +45,9 @@ void SaturatedCells::place(const Grains& grains, const Cells& cells) {
     const std::size_t turns = grains.dimension == 3 ? 3 : 1;
     force_sum_.assign(static_cast<std::size_t>(grains.dimension) * grains.count(), 0.0);
     torque_sum_.assign(turns * grains.count(), 0.0);
+    last_force_.assign(force_sum_.size(), 0.0);
+    last_torque_.assign(torque_sum_.size(), 0.0);
+    has_last_ = false;
     steps_ = 0;
   }
   const bool moved = grains.centre != grains_.centre || grains.radius != grains_.radius;
@@ -201,24 +204,37 @@ void SaturatedCells::replace_all(Populations& populations, Parity parity,
       populations[populations.incoming(parity, Lattice::opposite[i], node)] = result[i];
     }
   }
+  // Half of this step's and half of the one before.
+  const double before = has_last_ ? 0.5 : 0.0;
+  constexpr std::size_t turns = dimension == 3 ? 3 : 1;
 #pragma omp for schedule(static)
   for (std::size_t grain = 0; grain < grains_.count(); ++grain) {
+    std::array<double, dimension> force{};
+    std::array<double, turns> torque{};
     for (std::size_t n = first_of_grain_[grain]; n < first_of_grain_[grain + 1]; ++n) {
       const double* push = &push_[3 * n];
       const auto& arm = covers_[n].arm;
-      for (std::size_t axis = 0; axis < dimension; ++axis) force_sum_[dimension * grain + axis] += push[axis];
-      const double about_z = arm[0] * push[1] - arm[1] * push[0];
+      for (std::size_t axis = 0; axis < dimension; ++axis) force[axis] += push[axis];
       if constexpr (dimension == 3) {
-        torque_sum_[3 * grain] += arm[1] * push[2] - arm[2] * push[1];
-        torque_sum_[3 * grain + 1] += arm[2] * push[0] - arm[0] * push[2];
-        torque_sum_[3 * grain + 2] += about_z;
-      } else {
-        torque_sum_[grain] += about_z;
+        torque[0] += arm[1] * push[2] - arm[2] * push[1];
+        torque[1] += arm[2] * push[0] - arm[0] * push[2];
       }
+      torque[turns - 1] += arm[0] * push[1] - arm[1] * push[0];
     }
+    const auto add = [&](std::vector<double>& sum, std::vector<double>& last, std::size_t k, double now) {
+      sum[k] += before * last[k] + (1 - before) * now;
+      last[k] = now;
+    };
+    for (std::size_t axis = 0; axis < dimension; ++axis)
+      add(force_sum_, last_force_, dimension * grain + axis, force[axis]);
+    for (std::size_t turn = 0; turn < turns; ++turn)
+      add(torque_sum_, last_torque_, turns * grain + turn, torque[turn]);
   }
 #pragma omp single
-  ++steps_;
+  {
+    ++steps_;
+    has_last_ = true;
+  }
 }
 
 void SaturatedCells::replace(Populations& populations, Parity parity, const CollisionParameters& parameters,
@@ -263,6 +279,22 @@ void SaturatedCells::restart_loads() {
   std::fill(force_sum_.begin(), force_sum_.end(), 0.0);
   std::fill(torque_sum_.begin(), torque_sum_.end(), 0.0);
   steps_ = 0;
+}
+
+std::vector<double> SaturatedCells::save() const {
+  if (empty()) return {};
+  std::vector<double> last{has_last_ ? 1.0 : 0.0};
+  last.insert(last.end(), last_force_.begin(), last_force_.end());
+  last.insert(last.end(), last_torque_.begin(), last_torque_.end());
+  return last;
+}
+
+void SaturatedCells::restore(const std::vector<double>& last) {
+  if (last.size() != 1 + last_force_.size() + last_torque_.size()) return;
+  has_last_ = last.front() == 1.0;
+  const auto torques = last.begin() + 1 + static_cast<std::ptrdiff_t>(last_force_.size());
+  last_force_.assign(last.begin() + 1, torques);
+  last_torque_.assign(torques, last.end());
 }
 
 void SaturatedCells::fractions(std::vector<double>& shares) const {

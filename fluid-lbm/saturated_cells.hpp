@@ -62,9 +62,13 @@ public:
   /// push, without a body force's half step. That of the grain where it covers the whole cell.
   void blend_velocities(Fields& fields, double even_rate) const;
 
-  /// Mean over the steps since `restart_loads`.
+  /// Mean over the time since `restart_loads`, by the trapezoidal rule: what covered cells give back rings
+  /// from one step to the next, and the mean of two steps does not (Ladd, J. Fluid Mech. 271 (1994)).
   [[nodiscard]] GrainLoads mean_loads() const;
   void restart_loads();
+  /// For copies of the state: whether there was a step, its forces, its torques.
+  [[nodiscard]] std::vector<double> save() const;
+  void restore(const std::vector<double>& last);
   /// Share of each cell that is solid, one per node (Grid::index).
   void fractions(std::vector<double>& shares) const;
 
@@ -101,8 +105,9 @@ private:
   std::vector<std::int32_t> cell_of_;  // per node, -1 without
   std::vector<double> kept_;           // populations before the collision, cell by cell
   std::vector<double> push_;           // on each cover in the last step, three components
-  std::vector<double> force_sum_;
-  std::vector<double> torque_sum_;
+  std::vector<double> force_sum_, torque_sum_;
+  std::vector<double> last_force_, last_torque_;  // of the last step
+  bool has_last_ = false;
   std::size_t steps_ = 0;
 };
 

@@ -46,11 +46,7 @@ DynamicsSettings<D> dynamics_settings(const GrainsScene& scene, const InitialGra
   }
   settings.law = scene.law;
   settings.constants = scene.constants;
-  // The true mass with a smaller weight: what the displaced fluid carries (4.6 of the thesis).
-  const double carried =
-      scene.fluid.present && scene.fluid.reduced_gravity ? 1 - scene.fluid.density / scene.density : 1;
-  for (std::size_t c = 0; c < static_cast<std::size_t>(D); ++c)
-    settings.gravity[c] = carried * scene.gravity[c];
+  for (std::size_t c = 0; c < static_cast<std::size_t>(D); ++c) settings.gravity[c] = scene.gravity[c];
   const double mean = std::accumulate(grains.radius.begin(), grains.radius.end(), 0.0) /
                       static_cast<double>(std::max<std::size_t>(1, grains.size()));
   settings.skin = scene.skin.value_or(0.2 * mean);

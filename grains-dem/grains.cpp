@@ -40,7 +40,7 @@ Identity Grains::identity() const {
   return {.name = "grains-dem",
           .version = ESTUARY_VERSION,
           .roles = {"grains"},
-          .capabilities = {"transient", "grains", "wet-surface"},
+          .capabilities = {"transient", "steady", "grains", "wet-surface"},
           .dimensions = {2, 3}};
 }
 
@@ -110,9 +110,10 @@ void Grains::take_inputs(const v1::Exchange& inputs) {
 }
 
 AdvanceResult Grains::advance(const Window& window, const v1::Exchange& inputs, ProgressBoard& progress) {
-  if (window.mode != Mode::transient)
-    throw BadInput("advance.mode", "grains move in time: the coupling must be transient");
-  if (!std::isfinite(window.time) || !std::isfinite(window.duration) || !(window.duration > 0))
+  if ((window.mode == Mode::steady) != scene_.steady)
+    throw BadInput("advance.mode", "differs from the scene's coupling mode");
+  const bool moves = !scene_.steady && !medium_->at_rest();
+  if (moves && (!std::isfinite(window.time) || !std::isfinite(window.duration) || !(window.duration > 0)))
     throw BadInput("advance.duration", "a window needs a finite start and a positive, finite length");
   auto begin = Clock::now();
   if (window.iteration > 1) {
@@ -124,7 +125,27 @@ AdvanceResult Grains::advance(const Window& window, const v1::Exchange& inputs, 
   take_inputs(inputs);
   transfer_seconds_ += seconds_since(begin);
 
+  if (moves) move(window, progress);
+
   begin = Clock::now();
+  AdvanceResult result;
+  if (scene_.coupled_to_fluid) medium_->fill(*result.outputs.mutable_grain_states());
+  if (!surface_.reference_positions().empty()) {
+    const std::vector<double> forces = medium_->surface_forces();
+    auto* field = result.outputs.mutable_forces();
+    field->set_surface(surface_.identity());
+    field->mutable_force()->Add(forces.begin(), forces.end());
+  }
+  for (const WatchScene& watch : scene_.watches)
+    result.watches.push_back({watch.name, medium_->watch(watch)});
+  transfer_seconds_ += seconds_since(begin);
+  work_.phase_seconds = {{"time steps", step_seconds_}, {"transfer and watches", transfer_seconds_}};
+  result.work = work_;
+  return result;
+}
+
+void Grains::move(const Window& window, ProgressBoard& progress) {
+  const auto begin = Clock::now();
   const double wanted = window.duration / medium_->step_limit().step;
   if (!(wanted < 1e12))
     throw BadInput("advance.duration",
@@ -150,22 +171,6 @@ AdvanceResult Grains::advance(const Window& window, const v1::Exchange& inputs, 
   work_.steps += steps;
   work_.updates += static_cast<double>(steps) * static_cast<double>(medium_->size());
   step_seconds_ += seconds_since(begin);
-
-  begin = Clock::now();
-  AdvanceResult result;
-  if (scene_.coupled_to_fluid) medium_->fill(*result.outputs.mutable_grain_states());
-  if (!surface_.reference_positions().empty()) {
-    const std::vector<double> forces = medium_->surface_forces();
-    auto* field = result.outputs.mutable_forces();
-    field->set_surface(surface_.identity());
-    field->mutable_force()->Add(forces.begin(), forces.end());
-  }
-  for (const WatchScene& watch : scene_.watches)
-    result.watches.push_back({watch.name, medium_->watch(watch)});
-  transfer_seconds_ += seconds_since(begin);
-  work_.phase_seconds = {{"time steps", step_seconds_}, {"transfer and watches", transfer_seconds_}};
-  result.work = work_;
-  return result;
 }
 
 void Grains::accept() {

@@ -27,6 +27,8 @@ public:
 
 private:
   void take_inputs(const v1::Exchange& inputs);
+  /// Steps through the window.
+  void move(const Window& window, ProgressBoard& progress);
 
   GrainsScene scene_;
   std::filesystem::path folder_;

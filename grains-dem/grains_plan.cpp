@@ -79,7 +79,7 @@ Plan plan_of(const GrainsScene& scene) {
   add("mass of the moving grains", fmt::format("{:.6g} kg{}", mass, scene.dimension == 2 ? "/m" : ""));
   add("shortest contact", fmt::format("{:.3g} s", limit.contact_time));
   add("time step", fmt::format("at most {:.3g} s, by {}", limit.step, limit.by));
-  add("steps per window", fmt::format("{:.0f} of {:.3g} s", steps, scene.window / steps));
+  if (!scene.steady) add("steps per window", fmt::format("{:.0f} of {:.3g} s", steps, scene.window / steps));
   if (scene.law.normal == NormalLaw::linear && scene.restitution < 1)
     add("restitution", fmt::format("{:g} uncut, {:.4f} with the force cut at zero", scene.restitution,
                                    cut_restitution(scene.restitution)));
@@ -88,12 +88,9 @@ Plan plan_of(const GrainsScene& scene) {
   gravity = std::sqrt(gravity);
   if (scene.fluid.present) {
     if (scene.fluid.reduced_gravity) {
-      const double carried = 1 - scene.fluid.density / scene.density;
-      add("buoyancy",
-          fmt::format("gravity reduced to {:.4g} of its value; the fluid must not be given gravity",
-                      carried));
-      add("submerged weight",
-          fmt::format("{:.6g} N{}", mass * gravity * carried, scene.dimension == 2 ? "/m" : ""));
+      add("buoyancy", "weight reduced by that of the fluid displaced; the fluid must not be given gravity");
+      add("submerged weight", fmt::format("{:.6g} N{}", (mass - scene.fluid.density * volume) * gravity,
+                                          scene.dimension == 2 ? "/m" : ""));
     } else {
       add("buoyancy",
           "by the fluid's own pressure: the fluid must be given gravity; the grains keep theirs whole");
@@ -140,6 +137,10 @@ Plan plan_of(const GrainsScene& scene) {
   if (!scene.lubrication.active()) plan.left_out.emplace_back("lubrication");
   if (scene.walls.empty()) plan.left_out.emplace_back("walls");
   if (gravity == 0) plan.left_out.emplace_back("gravity");
+  if (scene.fluid.virtual_mass > 0 && scene.coupled_to_fluid)
+    add("virtual mass", fmt::format("{:g} of the fluid displaced", scene.fluid.virtual_mass));
+  else if (scene.coupled_to_fluid)
+    plan.left_out.emplace_back("virtual mass: the grains outweigh the fluid");
   if (!scene.repeats_windows)
     plan.left_out.emplace_back("copies of the window's start: no window is repeated");
   plan.variant = variant_of(scene);

@@ -4,6 +4,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <limits>
 
 #include "expression.hpp"
 
@@ -268,6 +269,12 @@ void read_fluid(SceneTable& grains, GrainsScene& result) {
   constexpr std::array<std::string_view, 2> buoyancies{"reduced_gravity", "pressure"};
   result.fluid.reduced_gravity = fluid->choice("buoyancy", buoyancies) == "reduced_gravity";
   result.fluid.acceleration = vector_or(*fluid, "acceleration", result.axes(), 0);
+  // Explicit exchange needs it where the fluid that a grain pushes outweighs the grain.
+  double lightest = std::numeric_limits<double>::infinity();
+  for (const GroupScene& group : result.groups)
+    if (!group.held) lightest = std::min(lightest, group.density);
+  const bool light = result.coupled_to_fluid && lightest < 1.2 * result.fluid.density;
+  result.fluid.virtual_mass = fluid->number_or("virtual_mass", light ? 2.0 : 0.0, {0, 100});
 }
 
 void read_lubrication(SceneTable& grains, GrainsScene& result) {
@@ -363,14 +370,15 @@ GrainsScene read_grains_scene(Scene& scene, const std::string& role) {
   result.coupled_to_fluid = root.has("fluid");
   result.coupled_to_solid = root.has("solid");
   if (auto coupling = root.table_if("coupling")) {
-    if (coupling->text_or("mode", "steady") == "transient") {
+    result.steady = coupling->text_or("mode", "steady") == "steady";
+    if (!result.steady) {
       result.window = coupling->number("window", Range::positive());
       result.end_time = coupling->number("end_time", Range::positive());
-    } else if (!result.coupled_to_fluid) {
+    } else if (!result.coupled_to_fluid || result.coupled_to_solid) {
       coupling->problem("mode", "grains move in time: use mode = \"transient\" with `window` and `end_time`");
     }
-    result.repeats_windows =
-        result.coupled_to_solid && coupling->text_or("scheme", "serial-implicit") != "serial-explicit";
+    result.repeats_windows = result.coupled_to_solid && !result.steady &&
+                             coupling->text_or("scheme", "serial-implicit") != "serial-explicit";
   } else {
     root.problem("",
                  "grains move in time: add [coupling] with mode = \"transient\", `window` and `end_time`");
@@ -397,6 +405,13 @@ GrainsScene read_grains_scene(Scene& scene, const std::string& role) {
   read_bond(grains, result);
   read_deposit(grains, result);
   read_watches(root, role, result);
+  const bool all_held =
+      result.deposit.hold || std::all_of(result.groups.begin(), result.groups.end(),
+                                         [](const GroupScene& group) { return group.held; });
+  if (result.steady && result.coupled_to_fluid && !all_held)
+    grains.problem("",
+                   "in a steady flow grains stay where they are: hold every group (`held`), or "
+                   "[grains.deposit] with `hold`");
   if (result.integrator == Integrator::gear && result.repeats_windows)
     grains.problem("integrator", "\"gear\" cannot repeat windows: use \"verlet\" with implicit coupling");
   grains.refuse_unknown_keys();

@@ -70,7 +70,7 @@ struct DepositScene {
   std::vector<double> gravity;
   double end_time = 0;
   double tolerance = 0;  // mean speed / (gravity x diameter)^(1/2) that counts as rest
-  bool hold = false;  // keep the grains where they came to rest
+  bool hold = false;     // keep the grains where they came to rest
   std::optional<double> target_porosity;
   double porosity_tolerance = 0.005;
 };
@@ -79,7 +79,9 @@ struct DepositScene {
 struct FluidScene {
   bool present = false;
   double density = 0;
-  bool reduced_gravity = true;  // gravity x (1 - rho_f / rho_s), or none: the fluid's own pressure carries
+  bool reduced_gravity =
+      true;  // less the weight of the fluid displaced, or whole: the fluid's own pressure carries
+  double virtual_mass = 0;  // in masses of the fluid displaced; see medium.hpp
   std::vector<double>
       acceleration;  // body force that drives the fluid: its pressure gradient acts on grains too
 };
@@ -87,6 +89,7 @@ struct FluidScene {
 struct GrainsScene {
   int dimension = 2;
   double window = 0, end_time = 0;
+  bool steady = false;  // grains are held where they are while the fluid finds its equilibrium
   bool coupled_to_fluid = false;
   bool coupled_to_solid = false;
   bool repeats_windows = false;

@@ -43,6 +43,7 @@ public:
     if (scene.deposit.active) deposit(scene, settings, walls, grains);
     check_room(settings, grains);
     mass_ = grains.mass;
+    add_virtual_mass(grains);
     for (const WallScene& wall : scene.walls) {
       wall_velocity_.emplace_back();
       for (const std::string& text : wall.velocity) wall_velocity_.back().emplace_back(text);
@@ -62,9 +63,12 @@ public:
     pressure_force_.assign(D * mass_.size(), 0.0);
     for (std::size_t i = 0; i < mass_.size(); ++i)
       for (std::size_t c = 0; c < D; ++c)
+        // What a driving body force, and the weight of the fluid itself where it is not in the fluid's own
+        // pressure, add as pressure gradients.
         pressure_force_[D * i + c] = scene.fluid.density *
                                      grain_volume(D, grains.radius[i] - scene.contact_margin) *
-                                     scene.fluid.acceleration[c];
+                                     (scene.fluid.acceleration[c] -
+                                      (scene.fluid.reduced_gravity ? dynamics_->settings().gravity[c] : 0.0));
     if (scene.fluid.present) set_fluid_forces({}, {});
     dynamics_->begin_audit();
   }
@@ -73,13 +77,42 @@ public:
   [[nodiscard]] StepLimit step_limit() const override { return limit_; }
 
   void advance(double duration, std::uint64_t steps, const StepMonitor& monitor) override {
+    if (virtual_mass_.empty()) {
+      dynamics_->advance(duration, steps, monitor);
+      return;
+    }
+    gather_velocities(-1 / duration, acceleration_, turning_);
     dynamics_->advance(duration, steps, monitor);
+    std::vector<double> velocity(acceleration_.size()), spin(turning_.size());
+    gather_velocities(1 / duration, velocity, spin);
+    for (std::size_t k = 0; k < velocity.size(); ++k) acceleration_[k] += velocity[k];
+    for (std::size_t k = 0; k < spin.size(); ++k) turning_[k] += spin[k];
+  }
+
+  [[nodiscard]] bool at_rest() const override {
+    const State<D>& state = dynamics_->state();
+    const auto zero = [](double value) { return value == 0; };
+    return !surface_wall_ && !dynamics_->wall_velocity &&
+           std::all_of(state.inverse_mass.begin(), state.inverse_mass.end(), zero) &&
+           std::all_of(state.velocity.begin(), state.velocity.end(), zero) &&
+           std::all_of(state.spin.begin(), state.spin.end(), zero);
   }
 
   void set_fluid_forces(std::span<const double> force, std::span<const double> torque) override {
     std::vector<double> total = pressure_force_;
     for (std::size_t k = 0; k < force.size(); ++k) total[k] += force[k];
-    dynamics_->set_external(total, torque);
+    if (virtual_mass_.empty()) {
+      dynamics_->set_external(total, torque);
+    } else {
+      constexpr std::size_t s = spin_components<D>;
+      std::vector<double> total_torque(s * mass_.size(), 0.0);
+      std::copy(torque.begin(), torque.end(), total_torque.begin());
+      for (std::size_t k = 0; k < total.size(); ++k)  // a virtual mass weighs nothing
+        total[k] += virtual_mass_[k / D] * (acceleration_[k] - dynamics_->settings().gravity[k % D]);
+      for (std::size_t k = 0; k < total_torque.size(); ++k)
+        total_torque[k] += virtual_inertia_[k / s] * turning_[k];
+      dynamics_->set_external(total, total_torque);
+    }
     fluid_force_ = {};
     for (std::size_t k = 0; k < force.size(); ++k) fluid_force_[k % D] += force[k];
     given_force_.assign(force.begin(), force.end());
@@ -92,9 +125,16 @@ public:
     return surface_wall_ ? dynamics_->node_force(*surface_wall_) : std::vector<double>{};
   }
 
-  void keep() override { kept_.emplace(dynamics_->snapshot()); }
+  void keep() override {
+    kept_.emplace(dynamics_->snapshot());
+    kept_acceleration_ = acceleration_;
+    kept_turning_ = turning_;
+  }
   void go_back() override {
-    if (kept_) dynamics_->restore(*kept_);
+    if (!kept_) return;
+    dynamics_->restore(*kept_);
+    acceleration_ = kept_acceleration_;
+    turning_ = kept_turning_;
   }
 
   void fill(v1::GrainStates& states) const override {
@@ -185,6 +225,32 @@ public:
   }
 
 private:
+  void add_virtual_mass(InitialGrains<D>& grains) {
+    if (scene_.fluid.virtual_mass == 0 || !scene_.coupled_to_fluid) return;
+    constexpr std::size_t s = spin_components<D>;
+    for (std::size_t i = 0; i < grains.size(); ++i) {
+      const double r = grains.radius[i] - scene_.contact_margin;
+      const double mass = scene_.fluid.virtual_mass * scene_.fluid.density * grain_volume(D, r);
+      virtual_mass_.push_back(mass);
+      virtual_inertia_.push_back(grain_inertia(D, mass, r));
+      grains.mass[i] += mass;
+      grains.inertia[i] += virtual_inertia_.back();
+    }
+    acceleration_.assign(D * grains.size(), 0.0);
+    turning_.assign(s * grains.size(), 0.0);
+  }
+
+  // Velocities and spins times `factor`, in the scene's order.
+  void gather_velocities(double factor, std::vector<double>& velocity, std::vector<double>& spin) const {
+    const State<D>& state = dynamics_->state();
+    constexpr std::size_t s = spin_components<D>;
+    for (std::size_t i = 0; i < state.size(); ++i) {
+      const std::size_t k = state.identity[i];
+      for (std::size_t c = 0; c < D; ++c) velocity[D * k + c] = factor * state.velocity[D * i + c];
+      for (std::size_t c = 0; c < s; ++c) spin[s * k + c] = factor * state.spin[s * i + c];
+    }
+  }
+
   // Two grains in the same place have no direction to push each other.
   void check_room(const DynamicsSettings<D>& settings, const InitialGrains<D>& grains) const {
     for (std::size_t c = 0; c < D; ++c) {
@@ -310,7 +376,7 @@ private:
     for (std::size_t i = 0; i < state.size(); ++i) {
       const Vector<D> x = dynamics_->unwrapped(i), v = ::estuary::grains::load<D>(state.velocity.data(), i);
       if (state.inverse_mass[i] > 0) {
-        const double m = 1 / state.inverse_mass[i];
+        const double m = mass_[state.identity[i]];
         mobile += 1;
         touches += touching[i];
         mass += m;
@@ -370,6 +436,9 @@ private:
   std::vector<std::vector<Expression>> wall_velocity_;
   std::optional<std::size_t> surface_wall_;
   std::vector<double> mass_, pressure_force_, given_force_;
+  // Empty without virtual mass; accelerations over the last window, in the scene's order.
+  std::vector<double> virtual_mass_, virtual_inertia_, acceleration_, turning_;
+  std::vector<double> kept_acceleration_, kept_turning_;
   Vector<D> fluid_force_{};
   mutable double first_contact_ = -1;  // found while watching [s]
   StepLimit limit_;
@@ -427,6 +496,10 @@ void GranularMedium<D>::save(const std::filesystem::path& file) const {
       state.time,         state.ledger.normal, state.ledger.tangential, state.ledger.rolling,
       state.ledger.given, state.external_work, state.bond_loss,         dynamics_->energy_at_start()};
   writer.add("numbers", numbers);
+  if (!virtual_mass_.empty()) {
+    writer.add("acceleration", acceleration_);
+    writer.add("turning", turning_);
+  }
   writer.commit();
 }
 
@@ -517,6 +590,13 @@ void GranularMedium<D>::load(const std::filesystem::path& file) {
   reader.read("bond_broken", bonds.broken);
   std::array<double, 8> numbers{};
   reader.read("numbers", numbers);
+  if (!virtual_mass_.empty()) {
+    for (auto [name, values] : std::initializer_list<std::pair<const char*, std::vector<double>*>>{
+             {"acceleration", &acceleration_}, {"turning", &turning_}}) {
+      reader.read(name, *values);
+      finite(*values);
+    }
+  }
   state.time = numbers[0];
   state.ledger = {numbers[1], numbers[2], numbers[3], numbers[4]};
   state.external_work = numbers[5];

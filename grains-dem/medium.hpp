@@ -25,11 +25,22 @@ public:
   [[nodiscard]] virtual StepLimit step_limit() const = 0;
   /// Moves everything over `duration`.
   virtual void advance(double duration, std::uint64_t steps, const StepMonitor& monitor) = 0;
-  /// Forces of the fluid, in the scene's order.
+  /// Forces of the fluid, in the scene's order, constant during the next advance.
+  ///
+  /// The fluid answers a grain's acceleration one exchange late. Where its added mass exceeds the grain's
+  /// own, that delay grows without bound. With C masses of the displaced fluid m_f as virtual mass the grain
+  /// moves by
+  ///     (m + C m_f) a = F + C m_f a_old,
+  /// a_old being its mean acceleration over the last window: the same equation as long as accelerations
+  /// change little from one window to the next, and stable for any m when m_added < 2 C m_f + m. Source: the
+  /// idea of Schwarz, Kempe, Froehlich, J. Comput. Phys. 281 (2015).
   virtual void set_fluid_forces(std::span<const double> force, std::span<const double> torque) = 0;
   virtual void set_surface(std::span<const double> node_positions) = 0;
   /// Force on each node of the wet surface, mean over the last advance.
   [[nodiscard]] virtual std::vector<double> surface_forces() const = 0;
+
+  /// Every grain is held at rest, and so are the walls.
+  [[nodiscard]] virtual bool at_rest() const = 0;
 
   virtual void keep() = 0;     // the present is where the window starts
   virtual void go_back() = 0;  // to what was kept

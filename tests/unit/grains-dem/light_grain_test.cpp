@@ -1,0 +1,96 @@
+// A grain in an imitated fluid that answers its acceleration one window late with an added mass, as explicit
+// exchange does: virtual mass keeps grains of any density stable and leaves their motion alone.
+#include <gtest/gtest.h>
+#include <unistd.h>
+
+#include <cmath>
+#include <numbers>
+
+#include "grains.hpp"
+
+namespace estuary::grains {
+namespace {
+
+constexpr double kWindow = 1e-4;
+
+// Velocity after `windows` windows of a disc under weight, buoyancy, linear drag and the added mass of one
+// displaced mass. `density` is in fluid densities.
+double velocity(double density, const std::string& virtual_mass, int windows, double drag) {
+  const std::string text = R"(
+dimension = 2
+[coupling]
+mode = "transient"
+scheme = "serial-explicit"
+window = 1e-4
+end_time = 1.0
+[fluid]
+[grains]
+normal_stiffness = 1e4
+restitution = 0.5
+gravity = [0, -10]
+density = )" + std::to_string(1000 * density) +
+                           R"(
+[grains.fluid]
+density = 1000
+)" + virtual_mass + R"(
+[[grains.group]]
+positions = [[0.0, 0.0]]
+radius = 0.001
+)";
+  Scene scene = Scene::parse(text, "scene.toml");
+  Grains grains;
+  grains.configure(scene, "grains");
+  EXPECT_TRUE(scene.problems().empty());
+  const auto folder = std::filesystem::temp_directory_path() / ("grains-light-" + std::to_string(::getpid()));
+  ProgressBoard board;
+  v1::Exchange states = grains.start({}, folder);
+  const double displaced = 1000 * std::numbers::pi * 1e-6;
+  double before = 0, now = 0;
+  for (int w = 0; w < windows && std::abs(now) < 1e3; ++w) {
+    v1::Exchange inputs;
+    auto& forces = *inputs.mutable_grain_forces();
+    forces.add_force(0);
+    forces.add_force(-drag * now - displaced * (now - before) / kWindow);
+    forces.add_torque(0);
+    states = grains
+                 .advance({.number = static_cast<std::uint64_t>(w + 1),
+                           .iteration = 1,
+                           .mode = Mode::transient,
+                           .time = w * kWindow,
+                           .duration = kWindow},
+                          inputs, board)
+                 .outputs;
+    grains.accept();
+    before = now;
+    now = states.grain_states().velocity(1);
+  }
+  std::filesystem::remove_all(folder);
+  return now;
+}
+
+TEST(LightGrain, FollowsItsEquationOfMotion) {
+  const double displaced = 1000 * std::numbers::pi * 1e-6, drag = 1.0;
+  for (const double density : {0.01, 0.1, 0.5, 0.9, 1.1}) {
+    // (m + m_f) dv/dt = (m_f - m) g - drag v.
+    const double rate = drag / ((density + 1) * displaced);
+    const double last = (1 - density) * displaced * 10 / drag;
+    for (const int windows : {30, 100, 2000}) {
+      const double exact = last * (1 - std::exp(-rate * windows * kWindow));
+      EXPECT_NEAR(velocity(density, "", windows, drag), exact, 0.03 * std::abs(last))
+          << density << ' ' << windows;
+    }
+    EXPECT_NEAR(velocity(density, "", 2000, drag), last, 1e-6 * std::abs(last)) << density;
+  }
+}
+
+TEST(LightGrain, GrowsWithoutVirtualMass) {
+  EXPECT_THROW(velocity(0.5, "virtual_mass = 0", 200, 1.0), Diverged);
+}
+
+TEST(LightGrain, HeavyGrainsAreLeftAlone) {
+  EXPECT_EQ(velocity(2.5, "", 50, 0.1), velocity(2.5, "virtual_mass = 0", 50, 0.1));
+  EXPECT_NE(velocity(2.5, "virtual_mass = 1", 50, 0.1), velocity(2.5, "virtual_mass = 0", 50, 0.1));
+}
+
+}  // namespace
+}  // namespace estuary::grains
