@@ -4,12 +4,60 @@
 #include <fstream>
 #include <sstream>
 
+#include "image_outline.hpp"
 #include "solid_scene.hpp"
 
 namespace estuary::solid {
 namespace {
 
-constexpr std::array<std::string_view, 4> kShapes{"box", "disc", "polygon", "points"};
+constexpr std::array<std::string_view, 5> kShapes{"box", "disc", "polygon", "image", "points"};
+
+// One body for each region of the picture, as copies of `body`.
+std::vector<BodyScene> regions_of(SceneTable table, const SolidScene& scene, const BodyScene& body) {
+  constexpr std::array<std::string_view, 2> solids{"dark", "bright"};
+  ImageMap map;
+  const std::string file = table.text("file");
+  const auto corner = table.numbers("corner", 2);
+  map.pixel = table.number("pixel", Range::positive());
+  map.threshold = table.number_or("threshold", 128, {.minimum = 0, .maximum = 256});
+  map.dark = table.choice("solid", solids) == "dark";
+  map.flip_x = table.boolean_or("flip_x", false);
+  map.flip_y = table.boolean_or("flip_y", false);
+  const double d = scene.spacing;
+  const double smallest = table.number_or("smallest_area", 9 * d * d, Range::not_negative());
+  if (!(d > 0)) table.problem("", "an image needs `spacing` [m] rather than `particles_across`");
+  if (file.empty() || corner.size() != 2 || !(map.pixel > 0) || !(d > 0)) return {};
+  map.corner = {corner[0], corner[1]};
+  std::vector<BodyScene> result;
+  try {
+    for (auto& loops : outlines_in_image(read_grey_image(file), map, d, smallest)) {
+      BodyScene& region = result.emplace_back(body);
+      region.shape = Shape::polygon;
+      region.loops = std::move(loops);
+    }
+  } catch (const std::runtime_error& error) {
+    table.problem("file", error.what());
+    return {};
+  }
+  if (result.empty())
+    table.problem("file",
+                  "shows no solid region of at least smallest_area = " + std::to_string(smallest) + " m2");
+  for (std::size_t k = 0; result.size() > 1 && k < result.size(); ++k)
+    result[k].name += " " + std::to_string(k + 1);
+  return result;
+}
+
+// Adds a read body, or the bodies of its picture.
+void add_body(SceneTable& table, SolidScene& scene, const BodyScene& body) {
+  if (!table.has("image")) {
+    scene.bodies.push_back(body);
+    return;
+  }
+  const auto regions = regions_of(table.table("image"), scene, body);
+  scene.bodies.insert(scene.bodies.end(), regions.begin(), regions.end());
+  if (regions.empty()) scene.bodies.push_back(body);
+  if (scene.bodies.size() > 200) table.problem("image", "makes more than 200 bodies");
+}
 
 void read_box(SceneTable table, BodyScene& body) {
   const auto from = table.numbers("from", 2), to = table.numbers("to", 2);
@@ -90,7 +138,7 @@ void read_shape(SceneTable& table, SolidScene& result, BodyScene& body) {
   for (const std::string_view shape : kShapes)
     if (table.has(shape)) given.push_back(shape);
   if (given.size() != 1) {
-    table.problem(given.empty() ? "" : given[1], "give one of `box`, `disc`, `polygon` or `points`");
+    table.problem(given.empty() ? "" : given[1], "give one of `box`, `disc`, `polygon`, `image` or `points`");
     for (const std::string_view shape : kShapes) table.leave_to_others({shape});
     return;
   }
@@ -107,6 +155,8 @@ void read_shape(SceneTable& table, SolidScene& result, BodyScene& body) {
     body.shape = Shape::polygon;
     read_polygon(table, "polygon", body);
     if (table.has("hole")) read_polygon(table, "hole", body);
+  } else if (given[0] == "image") {
+    body.shape = Shape::polygon;  // see add_body
   } else {
     body.shape = Shape::points;
     read_points(table, table.text("points"), result.spacing > 0 ? result.spacing : 1.0, body);
@@ -279,7 +329,7 @@ void read_bodies(SceneTable& solid, SolidScene& result) {
       body.box.clamped[static_cast<std::size_t>(side)] = true;
     if (body.shape != Shape::box && solid.has("clamped"))
       solid.problem("clamped", "names sides of a box; use [[solid.hold]] for other shapes");
-    result.bodies.push_back(std::move(body));
+    add_body(solid, result, body);
   } else {
     for (const std::string_view shape : kShapes)
       if (solid.has(shape)) solid.problem(shape, "belongs into the [[solid.body]] tables");
@@ -307,7 +357,7 @@ void read_bodies(SceneTable& solid, SolidScene& result) {
         body.box.clamped[static_cast<std::size_t>(side)] = true;
       if (body.shape != Shape::box && table.has("clamped"))
         table.problem("clamped", "names sides of a box; use [[solid.hold]] for other shapes");
-      result.bodies.push_back(std::move(body));
+      add_body(table, result, body);
     }
     for (const char* key : {"periodic"})
       if (solid.has(key)) solid.problem(key, "is available for a single box only");

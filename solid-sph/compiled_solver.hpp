@@ -3,9 +3,12 @@
 
 #include <algorithm>
 #include <cstdio>
+#include <optional>
 
+#include "hourglass_viscosity.hpp"
 #include "rigid_motion.hpp"
 #include "solver.hpp"
+#include "velocity_smoothing.hpp"
 
 namespace estuary::solid {
 
@@ -42,6 +45,10 @@ public:
       laws_.push_back(make_law<Law>(material));
       viscosities_.push_back(material.viscosity);
     }
+    if (options.conservative_smoothing > 0)
+      smoothing_.emplace(body_, pairs_, options.kernel, options.conservative_smoothing);
+    if (kHistory && Stabilised && !options.hourglass_time.empty())
+      hourglass_.emplace(body_, pairs_, options.hourglass_time);
     if constexpr (Viscous) fields_.viscous_power.assign(body.size(), 0.0);
     if constexpr (kHistory) {
       if constexpr (Stabilised) fields_.spring_share.assign(body.size(), 1.0);
@@ -112,6 +119,8 @@ public:
     ExternalForces external(body_, loading);
     Guide guide(body_, loading);
     RigidMotion rigid(body_, loading, dt);
+    std::optional<Contact> contact;
+    if (!loading.contact.modulus.empty()) contact.emplace(body_, loading.contact);
 
     if constexpr (kHistory) history_ = state.history;
     set_time_step(kNoTime);
@@ -119,6 +128,7 @@ public:
     set_time_step(dt);
     external.set(0.0, start, state.displacement);
     external.add_to(fields_.force);
+    if (contact) contact->add_to(state.displacement, fields_.force);
     guide.remember(fields_.force);
     rigid.begin(state, fields_.force);
     for (std::uint64_t step = 1; step <= steps; ++step) {
@@ -134,6 +144,13 @@ public:
       sweep<true>(state.displacement, predicted_velocity_, step);
       external.set(fraction, time, state.displacement);
       external.add_to(fields_.force);
+      if (contact) {
+        contact->add_to(state.displacement, fields_.force);
+        if (contact->touching()) state.contact_time += dt;
+      }
+      if (hourglass_)
+        state.viscous_work +=
+            dt * hourglass_->add_to(Viscous ? predicted_velocity_ : state.velocity, fields_);
       rigid.kick(state, fields_.force);
       state.external_work +=
           external.work() + guide.work(fields_.force, loading.gravity) + rigid.external_work();
@@ -141,6 +158,7 @@ public:
       if constexpr (Viscous)
         state.viscous_work +=
             dt * ordered_sum(body_.size(), [&](std::size_t i) { return fields_.viscous_power[i]; });
+      if (smoothing_) state.viscous_work += smoothing_->apply(state.velocity);
       if (damping > 0) state.viscous_work += 2 * dt * damping * kinetic_energy(state);
       if (step % 128 == 0) {
         char note[64];
@@ -284,6 +302,8 @@ private:
   std::vector<Law> laws_;
   std::vector<ArtificialViscosity> viscosities_;
   std::vector<double> predicted_velocity_;
+  std::optional<VelocitySmoothing> smoothing_;
+  std::optional<HourglassViscosity> hourglass_;
 };
 
 template <class Law>

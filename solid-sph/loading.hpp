@@ -8,6 +8,7 @@
 #include <span>
 #include <vector>
 
+#include "contact.hpp"
 #include "particles.hpp"
 
 namespace estuary::solid {
@@ -50,6 +51,7 @@ struct Loading {
   std::vector<PressureLoad> pressures;
   std::vector<PrescribedMotion> prescribed;
   std::vector<RigidDrive> rigid_drives;
+  ContactSettings contact;          // none when it names no body
   std::array<double, 2> gravity{};  // [m/s2]
   std::array<bool, 2> held{};       // components of the displacement that stay zero, in `advance` only
 };

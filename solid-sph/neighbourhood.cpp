@@ -82,6 +82,18 @@ GradientRow gradient_row(const Body& body, const ReferenceSearch& search, std::s
       candidate.weight.push_back(weight);
       offsets.push_back({found.x / scale, found.y / scale});
     }
+    if (order == Order::none || order == Order::shepard) {
+      const double self = kernel_value(kernel, 0, h) * body.volume[i];
+      double sum = order == Order::shepard ? self : 1.0;
+      for (std::size_t k = 0; order == Order::shepard && k < candidate.neighbour.size(); ++k)
+        sum += body.volume[candidate.neighbour[k]] *
+               kernel_value(kernel, std::hypot(candidate.offset[k][0], candidate.offset[k][1]), h);
+      for (std::size_t k = 0; k < candidate.neighbour.size(); ++k) {
+        const double w = candidate.weight[k] * body.volume[candidate.neighbour[k]] / sum;
+        candidate.gradient.push_back({w * candidate.offset[k][0], w * candidate.offset[k][1]});
+      }
+      return candidate;
+    }
     GradientWeights solved;
     try {
       solved = gradient_weights(offsets, candidate.weight, order);
@@ -112,12 +124,12 @@ Neighbourhood build_neighbourhood(const Body& body, const NeighbourhoodOptions& 
   // sums over rows obey summation by parts, and a wider one would not (Strand 1994).
   for (std::size_t i = 0; i < n; ++i) {
     if (body.carried(i)) continue;  // a rigid body has no strain
-    rows[i] =
-        gradient_row(body, search, i, body.edge[i] != 0 || body.fixed[i] == 3 ? Order::linear : options.order,
-                     options.kernel);
+    const bool one_sided = options.order == Order::quadratic && (body.edge[i] != 0 || body.fixed[i] == 3);
+    rows[i] = gradient_row(body, search, i, one_sided ? Order::linear : options.order, options.kernel);
   }
 
-  if (!body.outlines.empty()) make_consistent(body, rows);
+  const bool corrected = options.order == Order::linear || options.order == Order::quadratic;
+  if (corrected && !body.outlines.empty()) make_consistent(body, rows);
 
   struct Entry {
     std::uint32_t neighbour;

@@ -100,6 +100,7 @@ struct State {
   double external_work = 0;          // of loads, gravity and prescribed motion since the start [J/m]
   double viscous_work = 0;           // taken by artificial viscosity and mass damping [J/m]
   std::vector<double> history;       // of laws that have one, see Law::history
+  double contact_time = 0;           // in which bodies touched [s]
   std::vector<double> rigid;  // x, y, rotation and their rates of each rigid body [m], [rad], [m/s], [rad/s]
 };
 

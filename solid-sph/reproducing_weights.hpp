@@ -13,7 +13,9 @@
 
 namespace estuary::solid {
 
-enum class Order { linear, quadratic };
+/// Fields whose gradient is exact: linear ones, quadratic ones as well, or none by correction (the plain SPH
+/// gradient; with `shepard` divided by the sum of the kernel).
+enum class Order { linear, quadratic, none, shepard };
 
 /// One point of a neighbourhood, relative to the place of evaluation and divided by the spacing.
 struct Offset {

@@ -212,6 +212,12 @@ Loading build_loading(const SolidScene& scene, const Body& body,
     expressions.push_back(std::make_unique<Expression>(text.empty() ? "0" : text));
     return expressions.back().get();
   };
+  if (scene.contact) {
+    for (std::size_t k = 0; k < scene.bodies.size(); ++k)
+      loading.contact.modulus.push_back(
+          scene.bodies[k].rigid ? 0.0 : scene.contact_stiffness * scene.constants(k).wave_modulus());
+    loading.contact.rigid_modulus = scene.contact_modulus;
+  }
   for (const HoldScene& hold : scene.holds)
     for (std::size_t c = 0; c < 2; ++c) {
       if (!hold.component[c] || hold.displacement[c].empty()) continue;

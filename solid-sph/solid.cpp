@@ -81,6 +81,8 @@ void Solid::build() {
 void Solid::build_surface() {
   expressions_.clear();
   loading_ = build_loading(scene_, body_, expressions_);
+  contact_.reset();
+  if (scene_.contact) contact_.emplace(body_, loading_.contact);
   wet_nodes_.clear();
   surface_.Clear();
   std::vector<ContourLine> lines;
@@ -125,7 +127,7 @@ v1::Exchange Solid::start(const v1::Exchange&, const std::filesystem::path& fold
   }
   watches_.clear();
   for (const WatchScene& watch : scene_.watches) {
-    PointWatch entry{.name = watch.name, .point = {}, .rigid = {}, .transfer = {}};
+    PointWatch entry{.name = watch.name, .point = {}, .body = watch.body, .rigid = {}, .transfer = {}};
     if (watch.point) {
       entry.point = *watch.point;
       entry.rigid = rigid_at(*watch.point);
@@ -190,7 +192,11 @@ std::uint64_t Solid::steps_for(double duration) {
   solver_->evaluate(state_.displacement);
   const double stiffening = std::sqrt(std::max(1.0, solver_->stiffening()));
   // The wave through a spacing, and never beyond what the discrete operator itself allows.
-  const double elastic = std::min(scene_.courant_step(body_.spacing), 0.9 * stable) / stiffening;
+  double elastic = std::min(scene_.courant_step(body_.spacing), 0.9 * stable) / stiffening;
+  // Contact adds its stiffness to the contours.
+  if (contact_)
+    elastic = std::min(elastic, 1.8 / std::sqrt(4 * stiffening * stiffening / (stable * stable) +
+                                                contact_->squared_frequency()));
   // Springs of rigid bodies are integrated exactly; that their loads vary on the way needs some steps.
   const double step =
       body_.rigid.empty() ? elastic : std::min({elastic, rigid_step(body_, state_), duration / kRigidSteps});
@@ -347,6 +353,14 @@ AdvanceResult Solid::advance(const Window& window, const v1::Exchange& inputs, P
       result.remaining_error = find_equilibrium(window, monitor);
   } catch (const Breakdown& breakdown) {
     fail(breakdown, window);
+  } catch (const ContactLost& lost) {
+    throw Diverged(
+        "displacement",
+        fmt::format("the contour at reference position ({:.6g}, {:.6g}) m is {:.2g} spacings deep in "
+                    "another body in window {}, iteration {}",
+                    body_.position[2 * lost.particle], body_.position[2 * lost.particle + 1], lost.depth,
+                    window.number, window.iteration),
+        "raise [solid.contact] stiffness (which shortens the time step)");
   }
   step_seconds_ += seconds_since(begin);
   begin = Clock::now();
@@ -442,11 +456,49 @@ std::vector<std::pair<std::string, double>> Solid::rigid_quantities(
           {"angular_velocity", q[5]}};
 }
 
+std::vector<std::pair<std::string, double>> Solid::body_quantities(std::size_t member) const {
+  double mass = 0, energy = 0;
+  std::array<double, 2> momentum{};
+  for (std::size_t i = 0; i < body_.size(); ++i) {
+    if (body_.member[i] != member) continue;
+    const double m = body_.mass[i], vx = state_.velocity[2 * i], vy = state_.velocity[2 * i + 1];
+    mass += m;
+    momentum[0] += m * vx;
+    momentum[1] += m * vy;
+    energy += 0.5 * m * (vx * vx + vy * vy);
+  }
+  for (std::size_t r = 0; r < body_.rigid.size(); ++r) {
+    const RigidBody& rigid = body_.rigid[r];
+    if (rigid.member != member) continue;
+    const std::span<const double> q = std::span<const double>(state_.rigid).subspan(6 * r, 6);
+    mass += rigid.mass;
+    momentum[0] += rigid.mass * q[3];
+    momentum[1] += rigid.mass * q[4];
+    energy += kinetic_energy(rigid, q);
+  }
+  std::vector<std::pair<std::string, double>> result{{"momentum_x", momentum[0]},
+                                                     {"momentum_y", momentum[1]},
+                                                     {"velocity_x", momentum[0] / mass},
+                                                     {"velocity_y", momentum[1] / mass},
+                                                     {"kinetic_energy", energy}};
+  if (contact_) {
+    result.emplace_back("contact_force_x", contact_->body_force()[2 * member]);
+    result.emplace_back("contact_force_y", contact_->body_force()[2 * member + 1]);
+  }
+  return result;
+}
+
 std::vector<WatchValues> Solid::watch_values(double time) {
   std::vector<WatchValues> values;
+  if (contact_) {
+    std::vector<double> unused(2 * body_.size());
+    contact_->add_to(state_.displacement, unused);
+  }
   for (const PointWatch& watch : watches_) {
     WatchValues entry{watch.name, {}};
-    if (watch.rigid) {
+    if (watch.body) {
+      entry.quantities = body_quantities(*watch.body);
+    } else if (watch.rigid) {
       entry.quantities = rigid_quantities(*watch.rigid, watch.point);
     } else if (watch.transfer) {
       std::array<double, 2> u{}, v{};
@@ -483,7 +535,8 @@ std::vector<WatchValues> Solid::watch_values(double time) {
         springs += spring_energy(rigid, q);
       }
       const double kinetic = solver_->kinetic_energy(state_),
-                   internal = solver_->energy(state_.displacement) + springs,
+                   internal =
+                       solver_->energy(state_.displacement) + springs + (contact_ ? contact_->energy() : 0.0),
                    plastic = solver_->plastic_work();
       entry.quantities = {{"kinetic_energy", kinetic},   {"internal_energy", internal},
                           {"plastic_work", plastic},     {"maximum_displacement", largest},
@@ -492,6 +545,7 @@ std::vector<WatchValues> Solid::watch_values(double time) {
                           {"momentum_y", momentum[1]},   {"angular_momentum", spin}};
       // An equilibrium is found without following the path on which the load did its work.
       if (scene_.mode == Mode::transient) {
+        if (contact_) entry.quantities.emplace_back("contact_time", state_.contact_time);
         entry.quantities.emplace_back("external_work", state_.external_work);
         entry.quantities.emplace_back("viscous_work", state_.viscous_work);
         entry.quantities.emplace_back(

@@ -30,6 +30,7 @@ private:
   struct PointWatch {
     std::string name;
     std::array<double, 2> point{};
+    std::optional<std::size_t> body;   // totals of one
     std::optional<std::size_t> rigid;  // the rigid body it lies in
     std::optional<Transfer> transfer;  // else; none for totals
   };
@@ -39,6 +40,7 @@ private:
   void take_forces(const v1::Exchange& inputs);
   void integrate(const Window& window, const Monitor& monitor);
   double find_equilibrium(const Window& window, const Monitor& monitor);
+  [[nodiscard]] std::vector<std::pair<std::string, double>> body_quantities(std::size_t member) const;
   double settle_rigid_bodies(double time);
   [[nodiscard]] std::optional<std::size_t> rigid_at(const std::array<double, 2>& point) const;
   [[nodiscard]] std::vector<std::pair<std::string, double>> rigid_quantities(
@@ -61,6 +63,7 @@ private:
   std::unique_ptr<Solver> solver_;
   std::unique_ptr<NewtonSolver> newton_;
   std::vector<std::unique_ptr<Expression>> expressions_;
+  std::optional<Contact> contact_;
   Loading loading_;                // the last particle load is the wet surface when there is one
   std::vector<double> wet_nodes_;  // reference positions [m]; empty without a wet surface
   Transfer transfer_;

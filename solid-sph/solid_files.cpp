@@ -98,8 +98,8 @@ void Solid::save(const std::filesystem::path& file) {
   writer.add("displacement", accepted_.displacement);
   writer.add("velocity", accepted_.velocity);
   if (!accepted_.history.empty()) writer.add("history", accepted_.history);
-  const std::array<double, 4> numbers{accepted_.time, accepted_.external_work, accepted_.viscous_work,
-                                      work_.updates};
+  const std::array<double, 5> numbers{accepted_.time, accepted_.external_work, accepted_.viscous_work,
+                                      work_.updates, accepted_.contact_time};
   writer.add("numbers", numbers);
   if (!accepted_.rigid.empty()) writer.add("rigid", accepted_.rigid);
   if (!wet_nodes_.empty()) writer.add("forces", accepted_forces_);
@@ -118,7 +118,7 @@ void Solid::load(const std::filesystem::path& file) {
   loaded.history = accepted_.history;
   if (!loaded.history.empty()) reader.read("history", loaded.history);
   if (!loaded.rigid.empty()) reader.read("rigid", loaded.rigid);
-  std::array<double, 4> numbers{};
+  std::array<double, 5> numbers{};
   reader.read("numbers", numbers);
   loaded.time = numbers[0];
   loaded.external_work = numbers[1];
@@ -132,6 +132,7 @@ void Solid::load(const std::filesystem::path& file) {
         throw std::runtime_error(file.string() + " holds a value that is not finite");
   work_.steps = reader.read_count("steps");
   work_.updates = numbers[3];
+  loaded.contact_time = numbers[4];
   accepted_ = loaded;
   state_ = std::move(loaded);
   accepted_forces_ = forces;

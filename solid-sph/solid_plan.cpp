@@ -146,6 +146,8 @@ Plan plan_of(const SolidScene& scene) {
                                 : "artificial viscosity (both coefficients are 0)");
   if (scene.stabilisation == 0) plan.left_out.emplace_back("stabilisation (coefficient 0)");
   if (scene.gravity[0] == 0 && scene.gravity[1] == 0) plan.left_out.emplace_back("gravity");
+  if (scene.bodies.size() > 1 && !scene.contact)
+    plan.left_out.emplace_back("contact between bodies (no [solid.contact])");
   if (scene.damping == 0 && scene.mode == Mode::transient) plan.left_out.emplace_back("mass damping");
   if (scene.wet.empty() && !scene.wet_contour) plan.left_out.emplace_back("wet surface (no wet side)");
 
@@ -166,7 +168,10 @@ Plan plan_of(const SolidScene& scene) {
     return plan;
   }
   plan.variant = fmt::format("2d-{}-plane-{}-{}{}{}", law, scene.plane == Plane::strain ? "strain" : "stress",
-                             scene.order == Order::linear ? "linear" : "quadratic",
+                             scene.order == Order::linear      ? "linear"
+                             : scene.order == Order::quadratic ? "quadratic"
+                             : scene.order == Order::none      ? "uncorrected"
+                                                               : "shepard",
                              scene.stabilisation > 0 ? "-stabilised" : "", viscous ? "-viscous" : "");
   return plan;
 }

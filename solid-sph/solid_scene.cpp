@@ -30,13 +30,14 @@ bool near_a_body(const SolidScene& scene, double x, double y) {
 void read_method(SceneTable& solid, SolidScene& result) {
   // With particles on the contour the linear correction is already exact where a quadratic one would be
   // needed.
-  constexpr std::array<std::string_view, 2> corrections{"linear", "quadratic"};
+  constexpr std::array<std::string_view, 4> corrections{"linear", "quadratic", "none", "shepard"};
+  constexpr std::array<Order, 4> orders{Order::linear, Order::quadratic, Order::none, Order::shepard};
   const bool on_contour = result.placement == Placement::on_contour;
-  result.order =
-      solid.has("correction")
-          ? solid.choice("correction", corrections) == "quadratic" ? Order::quadratic : Order::linear
-      : on_contour ? Order::linear
-                   : Order::quadratic;
+  result.order = on_contour ? Order::linear : Order::quadratic;
+  if (solid.has("correction"))
+    result.order = orders[static_cast<std::size_t>(
+        std::find(corrections.begin(), corrections.end(), solid.choice("correction", corrections)) -
+        corrections.begin())];
   constexpr std::array<std::string_view, 2> formulations{"total_lagrangian", "updated_lagrangian"};
   result.updated_lagrangian = solid.choice("formulation", formulations) == "updated_lagrangian";
   if (result.updated_lagrangian && (result.mode == Mode::steady || result.periodic || result.plastic()))
@@ -55,6 +56,29 @@ void read_method(SceneTable& solid, SolidScene& result) {
   result.stabilisation = solid.number_or("stabilisation", stabilisation, {.minimum = 0.0, .maximum = 1.0});
   result.viscosity_linear = solid.number_or("viscosity_linear", 0.2, {.minimum = 0.0, .maximum = 10.0});
   result.viscosity_quadratic = solid.number_or("viscosity_quadratic", 0.4, {.minimum = 0.0, .maximum = 10.0});
+  result.conservative_smoothing =
+      solid.number_or("conservative_smoothing", 0.0, {.minimum = 0.0, .maximum = 0.5});
+  if (result.conservative_smoothing > 0 && (result.mode == Mode::steady || result.updated_lagrangian))
+    solid.problem("conservative_smoothing", "is of transient runs in the total Lagrangian form");
+  if (solid.has("hourglass_viscosity") && !result.plastic())
+    solid.problem("hourglass_viscosity",
+                  "is of law = \"j2_plasticity\"; elastic bodies have `stabilisation`");
+  result.hourglass_viscosity = solid.number_or("hourglass_viscosity", 0.0, {.minimum = 0.0, .maximum = 10.0});
+  if (auto contact = solid.table_if("contact")) {
+    result.contact = true;
+    result.contact_stiffness = contact->number_or("stiffness", 1.0, {.minimum = 1e-3, .maximum = 1e3});
+    result.contact_modulus = contact->number_or("rigid_modulus", 0.0, Range::positive());
+    const auto rigid = std::count_if(result.bodies.begin(), result.bodies.end(),
+                                     [](const BodyScene& body) { return body.rigid.has_value(); });
+    if (result.bodies.size() < 2) contact->problem("", "needs several [[solid.body]]");
+    if (rigid > 1 && !(result.contact_modulus > 0))
+      contact->problem(
+          "", "rigid bodies meet each other with `rigid_modulus` [Pa]: pressure per depth in spacings");
+    if (result.mode == Mode::steady || result.updated_lagrangian)
+      contact->problem("", "is of transient runs in the total Lagrangian form");
+    for (const BodyScene& body : result.bodies)
+      if (body.shape == Shape::points) contact->problem("", "\"" + body.name + "\" has no contour to touch");
+  }
   result.courant = solid.number_or("courant", 0.8, {.minimum = 1e-3, .maximum = 1.0});
   result.damping = solid.number_or("damping", 0.0, Range::not_negative());
   constexpr std::array<std::string_view, 2> methods{"newton", "relaxation"};
@@ -75,6 +99,16 @@ void read_watches(SceneTable& root, const std::string& role, SolidScene& result)
     if (table.text_or("participant", "") != role) continue;
     WatchScene watch;
     watch.name = table.text("name");
+    if (table.has("body")) {
+      const std::string name = table.text("body");
+      const auto found = std::find_if(result.bodies.begin(), result.bodies.end(),
+                                      [&](const BodyScene& body) { return body.name == name; });
+      if (found == result.bodies.end())
+        table.problem("body", "no [[solid.body]] has the name \"" + name + "\"");
+      else
+        watch.body = static_cast<std::size_t>(found - result.bodies.begin());
+      if (table.has("point")) table.problem("point", "give either `point` or `body`");
+    }
     if (table.has("point")) {
       const auto point = table.numbers("point", 2);
       if (point.size() == 2) {
@@ -123,6 +157,10 @@ SolverOptions SolidScene::solver_options() const {
   options.order = order;
   options.kernel = kernel;
   options.stabilisation = stabilisation;
+  options.conservative_smoothing = conservative_smoothing;
+  if (hourglass_viscosity > 0)
+    for (std::size_t k = 0; k < bodies.size(); ++k)
+      options.hourglass_time.push_back(bodies[k].rigid ? 0.0 : hourglass_viscosity * spacing / wave_speed(k));
   for (std::size_t k = 0; k < bodies.size(); ++k) {
     Material material{.constants = constants(k), .plane = plane, .viscosity = {}, .plasticity = {}};
     material.plasticity = bodies[k].material.plasticity;

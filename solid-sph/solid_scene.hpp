@@ -77,6 +77,7 @@ struct LoadScene {
 struct WatchScene {
   std::string name;
   std::optional<std::array<double, 2>> point;  // reference position [m]
+  std::optional<std::size_t> body;             // totals of one
 };
 
 enum class SteadyMethod { newton, relaxation };
@@ -101,6 +102,11 @@ struct SolidScene {
   Kernel kernel = Kernel::cubic_spline;
   double smoothing_ratio = 0.95;
   double stabilisation = 0;
+  double conservative_smoothing = 0;  // alpha
+  double hourglass_viscosity = 0;     // relaxation time in transits of a spacing, where plastic
+  bool contact = false;
+  double contact_stiffness = 1;  // pressure per depth in spacings, in wave moduli
+  double contact_modulus = 0;    // the same between rigid bodies [Pa]
   double viscosity_linear = 0;
   double viscosity_quadratic = 0;
   double courant = 0.8;

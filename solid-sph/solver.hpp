@@ -54,6 +54,8 @@ struct SolverOptions {
   double stabilisation = 0;         // share of ElasticConstants::stabilisation_modulus
   Order order = Order::linear;
   Kernel kernel = Kernel::cubic_spline;
+  double conservative_smoothing = 0;   // alpha of VelocitySmoothing, transient only
+  std::vector<double> hourglass_time;  // of HourglassViscosity, of each body [s]; empty without it
 };
 
 class Solver {

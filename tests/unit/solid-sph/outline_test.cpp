@@ -35,7 +35,8 @@ SolverOptions elastic() {
                          .plane = Plane::strain,
                          .viscosity = {},
                          .plasticity = {}}},
-          .stabilisation = 0.02};
+          .stabilisation = 0.02,
+          .hourglass_time = {}};
 }
 
 class Outlines : public testing::TestWithParam<Shaped> {};

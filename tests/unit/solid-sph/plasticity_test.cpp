@@ -202,7 +202,8 @@ TEST(J2, WorkOfAMovedEdgeIsStoredAndDissipated) {
                                        .plane = Plane::strain,
                                        .viscosity = {},
                                        .plasticity = material.plasticity}},
-                        .stabilisation = 0.02};
+                        .stabilisation = 0.02,
+                        .hourglass_time = {}};
   const auto solver = make_solver(LawName::j2_plasticity, body, options);
   State state = at_rest(body);
   state.history = solver->history();

@@ -12,7 +12,8 @@ SolverOptions elastic() {
   return {.materials = {{.constants = ElasticConstants::from(1e6, 0.3, Plane::strain),
                          .plane = Plane::strain,
                          .viscosity = {},
-                         .plasticity = {}}}};
+                         .plasticity = {}}},
+          .hourglass_time = {}};
 }
 
 TEST(UpdatedLagrangian, AUniformVelocityGradientGivesItsStressRateEverywhere) {
@@ -42,7 +43,8 @@ TEST(UpdatedLagrangian, KeepsLinearMomentumAndLosesTheBarThatTotalLagrangianKeep
   // A bar flying apart: ends pulled by their own velocity.
   const Body body = fill(test::box_of(1.0, 0.2, 0.05), 1000, 1.2, false);
   const auto total =
-      make_solver(LawName::neo_hooke, body, {.materials = elastic().materials, .stabilisation = 0.02});
+      make_solver(LawName::neo_hooke, body,
+                  {.materials = elastic().materials, .stabilisation = 0.02, .hourglass_time = {}});
   UpdatedLagrangianSolver updated(body, elastic());
   const auto longest = [&](Solver& solver) {
     State state = at_rest(body);

@@ -1,11 +1,11 @@
-// Grey images as maps of solid and fluid.
+// Grey images, as maps of what is solid.
 #pragma once
 
 #include <cstdint>
 #include <filesystem>
 #include <vector>
 
-namespace estuary::fluid {
+namespace estuary {
 
 /// Brightness 0 to 255, row by row from the top of the picture.
 struct GreyImage {
@@ -18,4 +18,4 @@ struct GreyImage {
 /// mean. Throws std::runtime_error naming the file and what is wrong with it.
 [[nodiscard]] GreyImage read_grey_image(const std::filesystem::path& file);
 
-}  // namespace estuary::fluid
+}  // namespace estuary

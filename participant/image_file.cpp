@@ -9,7 +9,7 @@
 #include <stdexcept>
 #include <string>
 
-namespace estuary::fluid {
+namespace estuary {
 namespace {
 
 constexpr std::uint64_t most_pixels = 1'000'000'000;
@@ -121,4 +121,4 @@ GreyImage read_grey_image(const std::filesystem::path& file) {
   fail(file, "is neither a PNG nor a BMP");
 }
 
-}  // namespace estuary::fluid
+}  // namespace estuary
