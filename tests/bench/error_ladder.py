@@ -10,8 +10,9 @@ summary.json, and writes a CSV, a table of the cheapest settings in Markdown, an
         --repeats 3 --threads 1 --out evidence/cavity
 
 An alternative is a list of assignments separated by ';', with an optional label before ':'. A bare value stands for
-the key of the alternative before it. The first --vary is the ladder: its steps are joined in the picture, one line
-for each combination of the others.
+the key of the alternative before it. The first --vary is the ladder, from coarse to fine: its steps are joined in the picture,
+one line for each combination of the others. A step counts as reaching an error when all finer ones do too: errors
+change their sign somewhere, and look small there.
 
 The error of a run is the largest relative error of its quantities against their references: those of the scene's
 [[check]]s that have a reference, or those given by --quantity NAME[=REFERENCE]. A reference of 0 makes an error
@@ -135,12 +136,18 @@ def read_csv(path):
         return {row["run"]: row for row in csv.DictReader(file)}
 
 
+def settled(row, good, limit):
+    """Whether the error is below the limit and stays there on the further steps of the same ladder."""
+    line = [r for r in good if r["label"] == row["label"]]
+    return all(float(r["error"]) <= limit for r in line[line.index(row):])
+
+
 def cheapest(rows, limits, clock):
-    """Markdown: for each limit the setting that reaches it in the shortest time."""
+    """Markdown: for each limit the setting that reaches it, for good, in the shortest time."""
     lines = ["| error below | setting | step | error | seconds |", "|---|---|---|---|---|"]
     good = [r for r in rows if r["status"] == "done"]
     for limit in limits:
-        reached = [r for r in good if float(r["error"]) <= limit]
+        reached = [r for r in good if settled(r, good, limit)]
         if not reached:
             best = min(good, key=lambda r: float(r["error"]), default=None)
             note = f"best: {100 * float(best['error']):.2g} %, {best['label']}, {best['step']}" if best else ""

@@ -1,6 +1,7 @@
 // Updates per second of the step with its walls and sides, against what the memory of this machine gives in
 // the same run.
 //
+// Medians of interleaved runs: --benchmark_repetitions=5 --benchmark_enable_random_interleaving=true.
 // In the AA pattern a node update reads and writes nine doubles in place: 144 bytes. The memory's limit is
 // measured with an in-place update of an array of 512 MiB. A grid that fits into the last-level cache may
 // exceed that limit.
@@ -17,10 +18,6 @@
 namespace {
 
 using namespace estuary::fluid;
-
-double bytes_per_update(const Flow& flow) {
-  return 2.0 * flow.populations().lattice().count * sizeof(double);
-}
 
 // Bytes per second by number of threads, as measured by `in_place_bandwidth`, which runs first.
 std::map<int, double>& bandwidth() {
@@ -103,8 +100,8 @@ void measure(benchmark::State& state, const FlowSettings& settings, bool body) {
   // On a machine that others use too the processor's time tells more than the clock; meaningful with one
   // thread.
   if (threads == 1) state.counters["M updates per processor second (best)"] = best_of_processor * 1e-6;
-  state.counters["% of memory limit (best)"] = 100 * best * bytes_per_update(flow) / bandwidth()[threads];
-  state.counters["bytes per update"] = bytes_per_update(flow);
+  state.counters["% of memory limit (best)"] = 100 * best * flow.bytes_per_update() / bandwidth()[threads];
+  state.counters["bytes per update"] = flow.bytes_per_update();
 }
 
 // A box of n^3 nodes with a sliding lid.
@@ -203,6 +200,16 @@ void moving_grains(benchmark::State& state) {
 void cavity(benchmark::State& state) {
   measure(state, settings_of(1000, 1000, false), false);
 }
+void cavity_in_single_precision(benchmark::State& state) {
+  FlowSettings settings = settings_of(1000, 1000, false);
+  settings.storage = Storage::single_precision;
+  measure(state, settings, false);
+}
+void cube_in_single_precision(benchmark::State& state) {
+  FlowSettings settings = cube_of(128);
+  settings.storage = Storage::single_precision;
+  measure(state, settings, false);
+}
 void channel(benchmark::State& state) {
   measure(state, settings_of(1000, 200, true), false);
 }
@@ -245,6 +252,18 @@ void channel_with_moving_body(benchmark::State& state) {
 
 BENCHMARK(in_place_bandwidth)->Arg(1)->Arg(2)->UseManualTime()->Unit(benchmark::kMillisecond)->Iterations(12);
 BENCHMARK(cavity)->Arg(1)->Arg(2)->UseManualTime()->Unit(benchmark::kMillisecond)->MinTime(1.0);
+BENCHMARK(cavity_in_single_precision)
+    ->Arg(1)
+    ->Arg(2)
+    ->UseManualTime()
+    ->Unit(benchmark::kMillisecond)
+    ->MinTime(1.0);
+BENCHMARK(cube_in_single_precision)
+    ->Arg(1)
+    ->Arg(2)
+    ->UseManualTime()
+    ->Unit(benchmark::kMillisecond)
+    ->MinTime(1.0);
 BENCHMARK(channel)->Arg(1)->Arg(2)->UseManualTime()->Unit(benchmark::kMillisecond)->MinTime(1.0);
 BENCHMARK(channel_with_body)->Arg(1)->Arg(2)->UseManualTime()->Unit(benchmark::kMillisecond)->MinTime(1.0);
 BENCHMARK(channel_with_moving_body)

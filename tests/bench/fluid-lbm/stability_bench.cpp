@@ -120,6 +120,7 @@ int main() {
   for (const Operator& op : operators) {
     report("shear layer", op, 0.05, shear_layer);
     report("cavity", op, 0.1, cavity);
+    report("fast lid", op, 0.2, cavity);
   }
   // The largest lid speed at a moderate viscosity.
   for (const Operator& op : operators) {
