@@ -99,12 +99,13 @@ void EdgeLinks::see(const Segment& s, int x, int y, const Surface& surface, cons
       edge = std::max(edge, at.strength * std::clamp((reach - to_edge) / (reach - full_reach), 0.0, 1.0));
     }
     known = static_cast<std::int32_t>(near_nodes_.size());
-    near_nodes_.push_back({{column, row}, near_surface, edge, everywhere_ ? 1.0 : edge, 0, 0});
+    near_nodes_.push_back({{column, row}, near_surface, edge, everywhere_ ? 1.0 : edge, 0, 0, s.a});
   }
   NearNode& near = near_nodes_[static_cast<std::size_t>(known)];
   if (distance >= near.distance) return;
   const auto& v = surface.velocities();
   near.distance = distance;
+  near.surface_node = s.a;
   near.velocity_x = (1 - along) * v[2 * s.a] + along * v[2 * s.b];
   near.velocity_y = (1 - along) * v[2 * s.a + 1] + along * v[2 * s.b + 1];
 }
@@ -201,6 +202,7 @@ void EdgeLinks::add(const NearNode& from, const NearNode& to, int i, const Cells
                   .share = share,
                   .velocity_x = to.velocity_x,
                   .velocity_y = to.velocity_y,
+                  .surface_node = to.surface_node,
                   .leaving = {},
                   .second = {},
                   .behind = {},
@@ -303,10 +305,11 @@ void EdgeLinks::reopen(Populations& populations, Parity parity) const {
   }
 }
 
-Force EdgeLinks::force() const {
+Force EdgeLinks::force(std::span<const std::uint32_t> bodies, std::uint32_t body) const {
   Force total;
   for (std::size_t n = 0; n < closings_.size(); ++n) {
     const Closing& closing = closings_[n];
+    if (!bodies.empty() && bodies[closing.surface_node] != body) continue;
     const auto& c = D2Q9::velocity[static_cast<std::size_t>(closing.direction)];
     const double taken = open_values_[n] - closed_values_[n];  // of the population that moves along -c
     const double fx = taken * (-c[0] - closing.velocity_x);

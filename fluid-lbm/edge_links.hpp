@@ -33,6 +33,7 @@
 
 #include <array>
 #include <cstdint>
+#include <span>
 #include <vector>
 
 #include "cells.hpp"
@@ -56,7 +57,7 @@ public:
   void close(Populations& populations, Parity parity, bool compressible);
   void reopen(Populations& populations, Parity parity) const;
   /// What the closed shares take from the fluid, by momentum exchange as in links.hpp.
-  [[nodiscard]] Force force() const;
+  [[nodiscard]] Force force(std::span<const std::uint32_t> bodies = {}, std::uint32_t body = 0) const;
   [[nodiscard]] std::size_t count() const { return closings_.size(); }
 
 private:
@@ -73,6 +74,7 @@ private:
     double strength = 0;    // of the closing, 0..1
     double velocity_x = 0;  // of that point of the surface
     double velocity_y = 0;
+    std::uint32_t surface_node = 0;  // of the nearest segment
   };
   // The part of a link that lies in the body, as fractions of the link.
   struct Chord {
@@ -86,6 +88,7 @@ private:
     double share = 0;
     double velocity_x = 0;  // of the wall [lattice units]
     double velocity_y = 0;
+    std::uint32_t surface_node = 0;
     // Locations after an even [0] and an odd [1] step, and the rule's weights.
     std::array<std::ptrdiff_t, 2> leaving;
     std::array<std::ptrdiff_t, 2> second;  // leaves the node the other way

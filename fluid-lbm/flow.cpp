@@ -61,8 +61,11 @@ Flow::Flow(const FlowSettings& settings)
 }
 
 void Flow::set_obstacles(std::size_t nodes, std::vector<std::uint32_t> connectivity,
-                         std::span<const double> positions, std::optional<WallRule> rule) {
+                         std::span<const double> positions, std::optional<WallRule> rule,
+                         std::vector<std::uint32_t> bodies) {
   outline_rule_ = rule.has_value();
+  outline_bodies_ = std::move(bodies);
+  outline_bodies_.resize(nodes, 0);
   obstacles_.emplace(grid(), nodes, std::move(connectivity));
   obstacles_->place(positions, std::vector<double>(2 * nodes, 0.0), 0.0);
   obstacle_bounds_ = bounds_of(*obstacles_);
@@ -78,11 +81,11 @@ void Flow::set_obstacles(std::size_t nodes, std::vector<std::uint32_t> connectiv
   outline_links_.clear();
   for (const Links::Place& place : obstacle_links_.places()) {
     const auto& c = D2Q9::velocity[static_cast<std::size_t>(place.direction)];
-    outline_links_.add(place.node, place.direction, place.q, *rule, {}, 0,
+    outline_links_.add(place.node, place.direction, place.q, *rule, {}, outline_bodies_[place.surface_node],
                        {place.node.x + place.q * c[0], place.node.y + place.q * c[1], 0}, cells_,
                        populations_);
   }
-  outline_links_.finish(1);
+  outline_links_.finish(1 + *std::max_element(outline_bodies_.begin(), outline_bodies_.end()));
   obstacle_links_.clear();
 }
 
@@ -151,7 +154,7 @@ MoveCounts Flow::place_bodies(const Grains& bodies, const std::vector<WallRule>&
   return counts;
 }
 
-void Flow::set_solid_nodes(const std::vector<std::uint8_t>& solid) {
+void Flow::set_solid_nodes(const std::vector<std::uint16_t>& solid) {
   const LatticeTable& lattice = populations_.lattice();
   std::vector<Node> uncovered;
   for (int row = 0; row < grid().rows(); ++row) {
@@ -178,14 +181,16 @@ void Flow::set_solid_nodes(const std::vector<std::uint8_t>& solid) {
         for (int i = 1; i < lattice.count; ++i) {
           const auto& c = lattice.velocity[i];
           const Node end{grid().wrap_x(x + c[0]), grid().wrap_y(y + c[1]), grid().wrap_z(z + c[2])};
-          if (!grid().inside(end.x, end.y, end.z) || solid[grid().index(end.x, end.y, end.z)] == 0) continue;
-          solid_node_links_.add({x, y, z}, i, 0.5, WallRule::halfway, {}, 0,
+          if (!grid().inside(end.x, end.y, end.z)) continue;
+          const std::uint16_t body = solid[grid().index(end.x, end.y, end.z)];
+          if (body == 0) continue;
+          solid_node_links_.add({x, y, z}, i, 0.5, WallRule::halfway, {}, body - 1U,
                                 {x + 0.5 * c[0], y + 0.5 * c[1], z + 0.5 * c[2]}, cells_, populations_);
         }
       }
     }
   }
-  solid_node_links_.finish(1);
+  solid_node_links_.finish(solid.empty() ? 1 : *std::max_element(solid.begin(), solid.end()) + 1U);
 }
 
 void Flow::copy_to(State& state) const {
@@ -234,7 +239,7 @@ BodyLoad Flow::body_load(std::size_t body) const {
 }
 
 BodyLoad Flow::solid_nodes_load() const {
-  return solid_node_links_.load(populations_, populations_.parity(), 0);
+  return solid_node_links_.load(populations_, populations_.parity());
 }
 
 Force Flow::wet_force() const {
@@ -243,10 +248,23 @@ Force Flow::wet_force() const {
 
 Force Flow::obstacle_force() const {
   if (outline_rule_) {
-    const BodyLoad load = outline_links_.load(populations_, populations_.parity(), 0);
+    const BodyLoad load = outline_links_.load(populations_, populations_.parity());
     return {load.force[0], load.force[1], load.torque[2]};
   }
   return obstacle_links_.force(populations_) + obstacle_edges_.force();
+}
+
+BodyLoad Flow::obstacle_load(std::uint32_t body) const {
+  BodyLoad load = solid_node_links_.load(populations_, populations_.parity(), body);
+  if (!obstacles_) return load;
+  if (outline_rule_) {
+    load += outline_links_.load(populations_, populations_.parity(), body);
+    return load;
+  }
+  const Force outline = obstacle_links_.force(populations_, outline_bodies_, body) +
+                        obstacle_edges_.force(outline_bodies_, body);
+  load += {{outline.x, outline.y, 0.0}, {0.0, 0.0, outline.moment}};
+  return load;
 }
 
 // Threads meet several times in a step; on few nodes that would take longer than the nodes themselves.

@@ -68,9 +68,11 @@ public:
   [[nodiscard]] const Cells& cells() const { return cells_; }
 
   /// Fixed obstacles: closed outlines, walked clockwise. To be called before the first step.
-  /// With a rule their walls follow it everywhere, and edges are not treated (edge_links.hpp).
+  /// With a rule their walls follow it everywhere, and edges are not treated (edge_links.hpp). `bodies`
+  /// numbers the body that each node belongs to, for forces on single ones.
   void set_obstacles(std::size_t nodes, std::vector<std::uint32_t> connectivity,
-                     std::span<const double> positions, std::optional<WallRule> rule = {});
+                     std::span<const double> positions, std::optional<WallRule> rule = {},
+                     std::vector<std::uint32_t> bodies = {});
   /// The wet surface, not yet anywhere, and where its links close gradually (edge_links.hpp).
   void set_wet_surface(std::size_t nodes, std::vector<std::uint32_t> connectivity,
                        EdgeLinks::Extent closing = EdgeLinks::Extent::edges);
@@ -88,8 +90,9 @@ public:
   [[nodiscard]] RoundBodies& bodies() { return bodies_; }
   [[nodiscard]] const RoundBodies& bodies() const { return bodies_; }
   /// Fixed solid nodes with walls half-way on their links, as from an image. `solid` has one entry per node
-  /// (Grid::index). To be called before the first step, and after `set_obstacles`.
-  void set_solid_nodes(const std::vector<std::uint8_t>& solid);
+  /// (Grid::index): 0 in the fluid, one more than the number of the body elsewhere. To be called before the
+  /// first step, and after `set_obstacles`.
+  void set_solid_nodes(const std::vector<std::uint16_t>& solid);
   /// What the flow can be given back later: everything but the surfaces and the sides' values.
   struct State {
     std::vector<double> populations;
@@ -124,6 +127,8 @@ public:
   /// Momentum exchange on the surfaces, after `apply_boundaries`.
   [[nodiscard]] Force wet_force() const;
   [[nodiscard]] Force obstacle_force() const;
+  /// On the outlines and the solid nodes of one body; torque about node (0, 0, 0).
+  [[nodiscard]] BodyLoad obstacle_load(std::uint32_t body) const;
   /// Of the last step, or the mean while bodies are measured.
   [[nodiscard]] BodyLoad body_load(std::size_t body) const;
   [[nodiscard]] BodyLoad solid_nodes_load() const;
@@ -158,8 +163,9 @@ private:
   WallLinks solid_node_links_;
   WallLinks outline_links_;  // of obstacles with a rule
   bool outline_rule_ = false;
-  std::vector<double> placed_;           // positions and velocities as last given
-  std::vector<double> obstacle_bounds_;  // left, bottom, right, top in lattice coordinates
+  std::vector<std::uint32_t> outline_bodies_;  // per node of the obstacles' outlines
+  std::vector<double> placed_;                 // positions and velocities as last given
+  std::vector<double> obstacle_bounds_;        // left, bottom, right, top in lattice coordinates
 };
 
 }  // namespace estuary::fluid

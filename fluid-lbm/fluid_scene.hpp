@@ -33,6 +33,12 @@ struct RoundObstacle {
   std::array<double, 3> spin{};              // [rad/s]; the last alone in two dimensions
 };
 
+/// What watches need to know about a polygon, box or image.
+struct FixedObstacle {
+  std::string name;
+  std::array<double, 3> centre{};  // torques count about it [m]
+};
+
 struct WatchRequest {
   enum class Kind { integral, point, line, obstacle };
   std::string name;
@@ -59,7 +65,10 @@ struct FluidScene {
   std::vector<std::uint32_t> obstacle_connectivity;
   std::optional<WallRule> outline_rule;  // of all polygons, when one of them names it
   std::vector<RoundObstacle> round_obstacles;
-  std::vector<std::uint8_t> solid_nodes;  // from images and boxes, one per node; empty without
+  std::vector<std::uint32_t> obstacle_of_point;
+  // From images and boxes, one per node: one more than the obstacle's number, 0 in the fluid; empty without.
+  std::vector<std::uint16_t> solid_nodes;
+  std::vector<FixedObstacle> fixed_obstacles;  // by number; discs and spheres without a name
   GrainMethod grain_method = GrainMethod::partially_saturated;
   WallRule grain_rule = WallRule::linear;
   bool viscous_traction = true;

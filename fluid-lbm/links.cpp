@@ -118,16 +118,18 @@ void Links::add(const Candidate& candidate, int i, const Surface& surface, const
   const auto& c = D2Q9::velocity[direction];
   const int o = D2Q9::opposite[direction];
   Cut cut = candidate.cuts[direction];
-  Place place{candidate.node, i, cut.q, 0, 0};
+  Place place{candidate.node, i, cut.q, 0, 0, 0};
   if (cut.q > 1) {
     ++counts_.unresolved;
     place.q = 0.5;
     const auto near = surface.nearest(candidate.node.x + 0.5 * c[0], candidate.node.y + 0.5 * c[1]);
     place.velocity_x = near.velocity_x;
     place.velocity_y = near.velocity_y;
+    place.surface_node = near.node;
   } else {
     const Segment& s = surface.segments()[cut.segment];
     const auto& v = surface.velocities();
+    place.surface_node = s.a;
     place.velocity_x = (1 - cut.along) * v[2 * s.a] + cut.along * v[2 * s.b];
     place.velocity_y = (1 - cut.along) * v[2 * s.a + 1] + cut.along * v[2 * s.b + 1];
   }
@@ -187,11 +189,13 @@ void Links::reflect(Populations& populations, Parity parity, bool compressible) 
   }
 }
 
-Force Links::force(const Populations& populations) const {
+Force Links::force(const Populations& populations, std::span<const std::uint32_t> bodies,
+                   std::uint32_t body) const {
   const std::size_t k = index_of(populations.parity());
   Force total;
   for (std::size_t n = 0; n < rules_.size(); ++n) {
     const Place& place = places_[n];
+    if (!bodies.empty() && bodies[place.surface_node] != body) continue;
     const auto& c = D2Q9::velocity[static_cast<std::size_t>(place.direction)];
     const double leaving = populations[rules_[n].leaving[k]];
     const double incoming = populations[rules_[n].incoming[k]];

@@ -18,6 +18,7 @@
 
 #include <array>
 #include <cstdint>
+#include <span>
 #include <vector>
 
 #include "cells.hpp"
@@ -54,8 +55,10 @@ public:
   /// Writes the incoming populations and corrects those at rest: once per step. Every thread of a parallel
   /// region calls it.
   void reflect(Populations& populations, Parity parity, bool compressible) const;
-  /// On the surface, from the populations as `reflect` left them.
-  [[nodiscard]] Force force(const Populations& populations) const;
+  /// On the surface, from the populations as `reflect` left them; with `bodies`, which name the body of each
+  /// node of the surface, on one of them.
+  [[nodiscard]] Force force(const Populations& populations, std::span<const std::uint32_t> bodies = {},
+                            std::uint32_t body = 0) const;
   [[nodiscard]] const LinkCounts& counts() const { return counts_; }
 
   struct Place {
@@ -64,6 +67,7 @@ public:
     double q = 0.5;
     double velocity_x = 0;  // of the wall [lattice units]
     double velocity_y = 0;
+    std::uint32_t surface_node = 0;  // of the segment that is cut
   };
   [[nodiscard]] const std::vector<Place>& places() const { return places_; }
 

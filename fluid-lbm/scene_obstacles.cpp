@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 #include <functional>
+#include <limits>
 #include <span>
 #include <stdexcept>
 
@@ -22,6 +23,18 @@ double signed_area(const std::vector<double>& points) {
     twice += points[2 * n] * points[2 * m + 1] - points[2 * m] * points[2 * n + 1];
   }
   return 0.5 * twice;
+}
+
+std::array<double, 3> centroid(const std::vector<double>& points, double area) {
+  std::array<double, 3> sum{};
+  const std::size_t count = points.size() / 2;
+  for (std::size_t n = 0; n < count; ++n) {
+    const std::size_t m = (n + 1) % count;
+    const double cross = points[2 * n] * points[2 * m + 1] - points[2 * m] * points[2 * n + 1];
+    for (const std::size_t axis : {std::size_t{0}, std::size_t{1}})
+      sum[axis] += (points[2 * n + axis] + points[2 * m + axis]) * cross / (6 * area);
+  }
+  return sum;
 }
 
 struct Extent {
@@ -77,6 +90,9 @@ void read_polygon(SceneTable& table, std::string_view key, const std::vector<dou
   if (table.has("wall_rule")) result.outline_rule = read_wall_rule(table, WallRule::linear);
   const auto first = static_cast<std::uint32_t>(result.obstacle_positions.size() / 2);
   result.obstacle_positions.insert(result.obstacle_positions.end(), points.begin(), points.end());
+  result.obstacle_of_point.insert(result.obstacle_of_point.end(), count,
+                                  static_cast<std::uint32_t>(number - 1));
+  result.fixed_obstacles.back().centre = centroid(points, area);
   Extent extent{{points[0], points[1], 0}, {points[0], points[1], 0}};
   for (std::uint32_t n = 0; n < count; ++n) {
     result.obstacle_connectivity.insert(result.obstacle_connectivity.end(),
@@ -97,7 +113,7 @@ void add_solid(FluidScene& result, const std::function<bool(double, double, doub
     for (int y = 0; y < grid.ny; ++y) {
       for (int x = 0; x < grid.nx; ++x) {
         if (inside(grid.x(x), grid.y(y), grid.nz > 0 ? grid.z(z) : 0.0)) {
-          result.solid_nodes[grid.index(x, y, z)] = 1;
+          result.solid_nodes[grid.index(x, y, z)] = static_cast<std::uint16_t>(result.fixed_obstacles.size());
         }
       }
     }
@@ -123,6 +139,8 @@ void read_box(SceneTable& table, int number, FluidScene& result, Plan& plan) {
                  number, result, plan);
     return;
   }
+  for (std::size_t axis = 0; axis < dimension; ++axis)
+    result.fixed_obstacles.back().centre[axis] = 0.5 * (extent.low[axis] + extent.high[axis]);
   warn_about_size(extent, number, result, plan);
   add_solid(result, [&](double x, double y, double z) {
     return x >= extent.low[0] && x <= extent.high[0] && y >= extent.low[1] && y <= extent.high[1] &&
@@ -146,6 +164,8 @@ void read_image(SceneTable& table, FluidScene& result) {
   if (file.empty() || corner.size() != 2 || !(pixel > 0)) return;
   try {
     const GreyImage image = read_grey_image(file);
+    result.fixed_obstacles.back().centre = {corner[0] + 0.5 * pixel * static_cast<double>(image.width),
+                                            corner[1] + 0.5 * pixel * static_cast<double>(image.height), 0.0};
     add_solid(result, [&](double x, double y, double) {
       auto column = static_cast<std::int64_t>(std::floor((x - corner[0]) / pixel));
       auto row = image.height - 1 - static_cast<std::int64_t>(std::floor((y - corner[1]) / pixel));
@@ -222,6 +242,11 @@ void read_obstacles(SceneTable& fluid, FluidScene& result, Plan& plan) {
   int number = 0;
   for (auto& table : fluid.tables("obstacle")) {
     ++number;
+    result.fixed_obstacles.emplace_back();
+    if (number > std::numeric_limits<std::uint16_t>::max()) {
+      table.problem("", "too many obstacles; use `discs` or `spheres`");
+      return;
+    }
     std::vector<std::string_view> found;
     for (const std::string_view key : {"polygon", "box", "image", "disc", "discs", "sphere", "spheres"}) {
       if (table.has(key)) found.push_back(key);
@@ -232,6 +257,8 @@ void read_obstacles(SceneTable& fluid, FluidScene& result, Plan& plan) {
       continue;
     }
     const std::string_view kind = found.front();
+    if (!kind.starts_with("disc") && !kind.starts_with("sphere"))
+      result.fixed_obstacles.back().name = table.text_or("name", "");
     const bool of_space = kind.starts_with("sphere");
     const bool of_plane = kind.starts_with("disc") || kind == "polygon";
     if (result.flow.grid.nx == 0) continue;  // its dimension is not known, and a problem was noted
@@ -251,7 +278,7 @@ void read_obstacles(SceneTable& fluid, FluidScene& result, Plan& plan) {
   }
   if (result.dimension() == 2 && !result.solid_nodes.empty() &&
       std::all_of(result.solid_nodes.begin(), result.solid_nodes.end(),
-                  [](std::uint8_t s) { return s == 0; })) {
+                  [](std::uint16_t s) { return s == 0; })) {
     plan.warnings.emplace_back("no node lies in the solid of the image: see `corner`, `pixel`, `threshold`");
   }
 }

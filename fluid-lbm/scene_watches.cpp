@@ -28,8 +28,10 @@ void read_obstacle_watch(SceneTable& table, WatchRequest& watch, const FluidScen
       table.number_or("reference_velocity", result.reference_velocity, Range::positive());
   const bool known =
       std::any_of(result.round_obstacles.begin(), result.round_obstacles.end(),
-                  [&](const RoundObstacle& obstacle) { return obstacle.name == watch.obstacle; });
-  if (!known) table.problem("obstacle", fmt::format("no disc or sphere is named '{}'", watch.obstacle));
+                  [&](const RoundObstacle& obstacle) { return obstacle.name == watch.obstacle; }) ||
+      std::any_of(result.fixed_obstacles.begin(), result.fixed_obstacles.end(),
+                  [&](const FixedObstacle& obstacle) { return obstacle.name == watch.obstacle; });
+  if (!known) table.problem("obstacle", fmt::format("no obstacle is named '{}'", watch.obstacle));
 }
 
 }  // namespace

@@ -98,8 +98,12 @@ Surface::Nearest Surface::nearest(double x, double y) const {
     const double distance = dx * dx + dy * dy;
     if (distance >= best.distance_squared) continue;
     const double length = std::sqrt(square);
-    best = {distance, -ty / length, tx / length, (1 - r) * velocities_[2 * s.a] + r * velocities_[2 * s.b],
-            (1 - r) * velocities_[2 * s.a + 1] + r * velocities_[2 * s.b + 1]};
+    best = {distance,
+            -ty / length,
+            tx / length,
+            (1 - r) * velocities_[2 * s.a] + r * velocities_[2 * s.b],
+            (1 - r) * velocities_[2 * s.a + 1] + r * velocities_[2 * s.b + 1],
+            s.a};
   }
   return best;
 }

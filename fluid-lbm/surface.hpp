@@ -45,6 +45,7 @@ public:
     double normal_y = 0;
     double velocity_x = 0;  // of the nearest point, lattice units
     double velocity_y = 0;
+    std::uint32_t node = 0;  // one of the nearest segment
   };
   /// The surface's point nearest to (x, y) in lattice coordinates.
   [[nodiscard]] Nearest nearest(double x, double y) const;

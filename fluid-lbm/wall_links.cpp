@@ -231,4 +231,11 @@ BodyLoad WallLinks::load(const Populations& populations, Parity parity, std::siz
   return total;
 }
 
+BodyLoad WallLinks::load(const Populations& populations, Parity parity) const {
+  BodyLoad total;
+  for (std::size_t body = 0; body + 1 < first_of_body_.size(); ++body)
+    total += load(populations, parity, body);
+  return total;
+}
+
 }  // namespace estuary::fluid

@@ -55,6 +55,12 @@ struct RelaxationParts {
 struct BodyLoad {
   std::array<double, 3> force{};
   std::array<double, 3> torque{};
+  void operator+=(const BodyLoad& other) {
+    for (std::size_t axis = 0; axis < 3; ++axis) {
+      force[axis] += other.force[axis];
+      torque[axis] += other.torque[axis];
+    }
+  }
 };
 
 struct WallLinkCounts {
@@ -91,6 +97,8 @@ public:
   /// Momentum exchange (Wen, Zhang, Tu, Wang, Fang, J. Comput. Phys. 266 (2014)), from the populations as
   /// `reflect` left them.
   [[nodiscard]] BodyLoad load(const Populations& populations, Parity parity, std::size_t body) const;
+  /// On all bodies.
+  [[nodiscard]] BodyLoad load(const Populations& populations, Parity parity) const;
 
 private:
   // Locations after an even [0] and an odd [1] step.

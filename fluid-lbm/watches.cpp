@@ -198,11 +198,18 @@ void evaluate_obstacle(const FluidScene& scene, const WatchRequest& watch, const
   BodyLoad sum;
   for (std::size_t body = 0; body < scene.round_obstacles.size(); ++body) {
     if (scene.round_obstacles[body].name != watch.obstacle) continue;
-    const BodyLoad load = flow.body_load(body);
+    sum += flow.body_load(body);
+  }
+  for (std::uint32_t body = 0; body < scene.fixed_obstacles.size(); ++body) {
+    if (scene.fixed_obstacles[body].name != watch.obstacle) continue;
+    BodyLoad load = flow.obstacle_load(body);
+    const auto centre = to_lattice(flow.grid(), scene.fixed_obstacles[body].centre.data());
     for (std::size_t axis = 0; axis < 3; ++axis) {
-      sum.force[axis] += load.force[axis];
-      sum.torque[axis] += load.torque[axis];
+      const std::size_t next = (axis + 1) % 3;
+      const std::size_t last = (axis + 2) % 3;
+      load.torque[axis] -= centre[next] * load.force[last] - centre[last] * load.force[next];
     }
+    sum += load;
   }
   const double force = scene.units.force(dimension);
   const double torque = force * scene.units.spacing;

@@ -181,6 +181,26 @@ def plot(path, rows, clock, title):
     subprocess.run(["gnuplot"], input="\n".join(script), text=True, check=True)
 
 
+def table_rows(cases, known):
+    """Rows of the CSV: medians of what has been run, or what is known from before."""
+    rows = []
+    for case in cases:
+        runs = case["runs"]
+        if case["name"] in known:
+            rows.append(known[case["name"]])
+        elif runs:
+            walls = [r[3] for r in runs]
+            rows.append({"run": case["name"], "label": case["label"], "step": case["step"], "status": runs[0][0],
+                         "error": "" if runs[0][1] is None else f"{runs[0][1]:.6g}",
+                         "values": " ".join(f"{name}={value:.8g}" for name, value in runs[0][2].items()),
+                         "wall_s": f"{statistics.median(walls):.4g}", "wall_min_s": f"{min(walls):.4g}",
+                         "wall_max_s": f"{max(walls):.4g}",
+                         "processor_s": f"{statistics.median(r[4] for r in runs):.4g}",
+                         "updates": f"{runs[0][5]:.6g}", "repeats": len(runs),
+                         "load": f"{os.getloadavg()[0]:.1f}"})
+    return rows
+
+
 def main():
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("scene")
@@ -229,23 +249,9 @@ def main():
             print(f"{case['name']}: {status}, "
                   + (f"error {100 * error:.3g} %, {shown}, " if error is not None else "")
                   + f"{wall:.3g} s wall, {processor:.3g} s processor", flush=True)
-        rows = []
-        for case in cases:
-            if case["name"] in known:
-                rows.append(known[case["name"]])
-                continue
-            runs = case["runs"]
-            walls = [r[3] for r in runs]
-            rows.append({"run": case["name"], "label": case["label"], "step": case["step"],
-                         "status": runs[0][0],
-                         "error": "" if runs[0][1] is None else f"{runs[0][1]:.6g}",
-                         "values": " ".join(f"{name}={value:.8g}" for name, value in runs[0][2].items()),
-                         "wall_s": f"{statistics.median(walls):.4g}", "wall_min_s": f"{min(walls):.4g}",
-                         "wall_max_s": f"{max(walls):.4g}",
-                         "processor_s": f"{statistics.median(r[4] for r in runs):.4g}",
-                         "updates": f"{runs[0][5]:.6g}", "repeats": len(runs),
-                         "load": f"{os.getloadavg()[0]:.1f}"})
-        write_csv(target, rows)
+            write_csv(target, table_rows(cases, known))
+    rows = table_rows(cases, known)
+    write_csv(target, rows)
     clock = f"{options.clock}_s"
     table = cheapest(rows, [float(limit) for limit in options.limits.split(",")], clock)
     out.with_name(out.name + ".md").write_text(table + "\n", encoding="utf-8")

@@ -138,7 +138,7 @@ void porous(benchmark::State& state) {
   const int threads = static_cast<int>(state.range(0));
   omp_set_num_threads(threads);
   Flow flow(settings_of(1000, 1000, false));
-  std::vector<std::uint8_t> solid(flow.grid().size(), 0);
+  std::vector<std::uint16_t> solid(flow.grid().size(), 0);
   // Discs of radius 12, as many as it takes.
   std::uint64_t seed = 1;
   std::size_t covered = 0;
@@ -149,7 +149,7 @@ void porous(benchmark::State& state) {
     for (int y = std::max(0, y0 - 12); y < std::min(1000, y0 + 13); ++y) {
       for (int x = std::max(0, x0 - 12); x < std::min(1000, x0 + 13); ++x) {
         if ((x - x0) * (x - x0) + (y - y0) * (y - y0) > 144) continue;
-        std::uint8_t& node = solid[flow.grid().index(x, y)];
+        std::uint16_t& node = solid[flow.grid().index(x, y)];
         covered += node == 0 ? 1 : 0;
         node = 1;
       }

@@ -94,6 +94,41 @@ TEST(RoundBodies, TorqueOnATurningDisc) {
   }
 }
 
+// Two outlines and two boxes of solid nodes in one channel: loads on each add up to the load on all, and the
+// second of a pair, in the wake of the first, feels less.
+TEST(FixedObstacles, LoadsOnEachAddUp) {
+  for (const bool with_rule : {false, true}) {
+    FlowSettings settings = cases::box(120, 40, 0.05, cases::channel);
+    settings.sides[left].velocity_x.assign(40, 0.03);
+    settings.sides[left].velocity_y.assign(40, 0.0);
+    settings.sides[right].excess.assign(40, 0.0);
+    Flow flow(settings);
+    flow.set_obstacles(8, {0, 1, 1, 2, 2, 3, 3, 0, 4, 5, 5, 6, 6, 7, 7, 4},
+                       std::vector<double>{20.3, 5.2, 20.3, 10.4, 25.1, 10.4, 25.1, 5.2,  //
+                                           30.3, 5.2, 30.3, 10.4, 35.1, 10.4, 35.1, 5.2},
+                       with_rule ? std::optional(WallRule::quadratic) : std::nullopt,
+                       {0, 0, 0, 0, 2, 2, 2, 2});
+    std::vector<std::uint16_t> solid(flow.grid().size(), 0);
+    for (int y = 25; y < 31; ++y) {
+      for (int x = 20; x < 26; ++x) solid[flow.grid().index(x, y)] = 2;
+      for (int x = 32; x < 38; ++x) solid[flow.grid().index(x, y)] = 4;
+    }
+    flow.set_solid_nodes(solid);
+    flow.run(2000);
+    flow.apply_boundaries();
+    const Force outlines = flow.obstacle_force();
+    const BodyLoad nodes = flow.solid_nodes_load();
+    std::array<BodyLoad, 4> each;
+    for (std::uint32_t body = 0; body < 4; ++body) each[body] = flow.obstacle_load(body);
+    EXPECT_NEAR(each[0].force[0] + each[2].force[0], outlines.x, 1e-14);
+    EXPECT_NEAR(each[0].torque[2] + each[2].torque[2], outlines.moment, 1e-12);
+    EXPECT_NEAR(each[1].force[1] + each[3].force[1], nodes.force[1], 1e-14);
+    EXPECT_GT(each[2].force[0], 0);
+    EXPECT_GT(each[0].force[0], 1.1 * each[2].force[0]);
+    EXPECT_GT(each[1].force[0], 1.1 * each[3].force[0]);
+  }
+}
+
 // The frame does not matter: a disc that moves through fluid at rest feels what a fixed one feels in a
 // stream.
 TEST(RoundBodies, AMovingDiscFeelsTheStream) {

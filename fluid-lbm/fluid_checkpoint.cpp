@@ -1,0 +1,78 @@
+// The participant's state in a file.
+#include <algorithm>
+
+#include "checkpoint.hpp"
+#include "fluid.hpp"
+
+namespace estuary::fluid {
+
+void Fluid::save(const std::filesystem::path& file) {
+  CheckpointWriter writer(file);
+  Flow::State state;
+  flow_->copy_to(state);
+  writer.add("populations", state.populations);
+  if (!state.body_memory.empty()) writer.add("memory of bodies' walls", state.body_memory);
+  if (!state.outline_memory.empty()) writer.add("memory of outlines' walls", state.outline_memory);
+  if (!state.grain_loads.empty()) writer.add("loads of grains", state.grain_loads);
+  writer.add("parity", std::uint64_t{state.parity == Parity::odd});
+  writer.add("rules applied", std::uint64_t{state.rules_applied});
+  writer.add("steps", steps_);
+  writer.add("updates", std::vector<double>{updates_});
+  grains_.save(writer);
+  writer.add("time", std::vector<double>{time_});
+  if (flow_->wet_surface()) {
+    writer.add("displacement", accepted_.displacement);
+    writer.add("velocity", accepted_.velocity);
+  }
+  for (const SideName name : {left, right, bottom, top, back, front}) {
+    const Side& side = flow_->sides()[name];
+    std::vector<double> values = side.velocity_x;
+    values.insert(values.end(), side.velocity_y.begin(), side.velocity_y.end());
+    values.insert(values.end(), side.velocity_z.begin(), side.velocity_z.end());
+    values.insert(values.end(), side.excess.begin(), side.excess.end());
+    if (!values.empty()) writer.add(std::string("side ") + side_names[name], values);
+  }
+  writer.commit();
+}
+
+void Fluid::load(const std::filesystem::path& file) {
+  const CheckpointReader reader(file);
+  Flow::State state;
+  flow_->copy_to(state);
+  reader.read("populations", state.populations);
+  if (!state.body_memory.empty()) state.body_memory = reader.read_all("memory of bodies' walls");
+  if (!state.outline_memory.empty()) state.outline_memory = reader.read_all("memory of outlines' walls");
+  if (!state.grain_loads.empty()) state.grain_loads = reader.read_all("loads of grains");
+  state.parity = reader.read_count("parity") == 1 ? Parity::odd : Parity::even;
+  state.rules_applied = state.sides_complete = reader.read_count("rules applied") == 1;
+  steps_ = reader.read_count("steps");
+  updates_ = reader.read_all("updates").at(0);
+  for (const SideName name : {left, right, bottom, top, back, front}) {
+    Side& side = flow_->sides()[name];
+    std::vector<double> values(side.velocity_x.size() + side.velocity_y.size() + side.velocity_z.size() +
+                               side.excess.size());
+    if (values.empty()) continue;
+    reader.read(std::string("side ") + side_names[name], values);
+    auto from = values.begin();
+    for (auto* to : {&side.velocity_x, &side.velocity_y, &side.velocity_z, &side.excess}) {
+      const auto past = from + static_cast<std::ptrdiff_t>(to->size());
+      std::copy(from, past, to->begin());
+      from = past;
+    }
+  }
+  if (flow_->wet_surface()) {
+    reader.read("displacement", accepted_.displacement);
+    reader.read("velocity", accepted_.velocity);
+    latest_ = accepted_;
+  }
+  grains_.load(reader);
+  time_ = end_time_ = reader.read_all("time").at(0);
+  place_bodies(time_, 1.0, false);
+  restart_body_loads();
+  set_time(time_);
+  give_back(state);
+  evaluate_fields();
+  evaluate_loads();
+}
+
+}  // namespace estuary::fluid
