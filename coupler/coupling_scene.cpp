@@ -269,10 +269,12 @@ CouplingScene read_coupling_scene(Scene& scene) {
   result.dimension = static_cast<int>(root.integer_or("dimension", 2, 2, 3));
   read_participants(root, result);
   read_coupling(root.table("coupling"), result);
-  if (result.find("grains") != nullptr) {
-    if (result.mode == CouplingMode::steady)
-      root.table("coupling")
-          .problem("mode", "grains move in time: use \"transient\" with `window` and `end_time`");
+  // A steady flow around grains that are held is the one state without time.
+  const bool grains_move = result.find("grains") != nullptr &&
+                           (result.find("fluid") == nullptr || result.find("solid") != nullptr);
+  if (grains_move && result.mode == CouplingMode::steady) {
+    root.table("coupling")
+        .problem("mode", "grains move in time: use \"transient\" with `window` and `end_time`");
   }
   if (auto output = root.table_if("output")) {
     result.frames = output->boolean_or("frames", true);
