@@ -174,34 +174,28 @@ void SaturatedCells::replace_all(Populations& populations, Parity parity,
     // Without half the body force: the rule sets the populations' momentum.
     const Moments m = moments_of<Lattice>(f);
     const double density = compressible ? 1 + m.excess : 1.0;
-    const double inverse = 1 / density;
     const double weight = weight_of(cell.fraction, t);
-    // What is there now is the fluid's own collision.
-    std::array<double, count> result;
-    for (std::size_t i = 0; i < count; ++i) {
-      const auto o = Lattice::opposite[i];
-      result[i] = (1 - weight) * populations[populations.incoming(parity, o, node)] +
-                  weight * f[static_cast<std::size_t>(o)];
-    }
+    // f_i^eq - f_o^eq = 6 w_i c_i.(rho v), so that the push is 2 B rho (u - v), and the grains of a cell act
+    // together through their mean momentum.
+    std::array<double, 3> given{};
     for (std::uint32_t k = cell.first; k < cell.first + cell.count; ++k) {
       const Cover& cover = covers_[order_[k]];
       const double share = weight * cover.fraction / cell.fraction;
       const auto v = velocity_at(cover);
-      const Moments solid{m.excess, density * v[0], density * v[1], density * v[2]};
-      std::array<double, 3> push{};
-      for (std::size_t i = 0; i < count; ++i) {
-        const auto o = Lattice::opposite[i];
-        const double turned = equilibrium<Lattice>(static_cast<int>(i), solid, inverse) -
-                              equilibrium<Lattice>(o, solid, inverse);
-        result[i] += share * turned;
-        const double change = f[static_cast<std::size_t>(o)] - f[i] + turned;
-        for (std::size_t axis = 0; axis < 3; ++axis)
-          push[axis] -= share * Lattice::velocity[i][axis] * change;
+      const std::array<double, 3> fluid{m.momentum_x, m.momentum_y, m.momentum_z};
+      for (std::size_t axis = 0; axis < 3; ++axis) {
+        const double momentum = density * v[axis];
+        given[axis] += share * momentum;
+        push_[3 * order_[k] + axis] = 2 * share * (fluid[axis] - momentum);
       }
-      for (std::size_t axis = 0; axis < 3; ++axis) push_[3 * order_[k] + axis] = push[axis];
     }
     for (std::size_t i = 0; i < count; ++i) {
-      populations[populations.incoming(parity, Lattice::opposite[i], node)] = result[i];
+      const auto o = static_cast<std::size_t>(Lattice::opposite[i]);
+      double along = 0;
+      for (std::size_t axis = 0; axis < dimension; ++axis) along += Lattice::velocity[i][axis] * given[axis];
+      // What is there now is the fluid's own collision.
+      const std::ptrdiff_t place = populations.incoming(parity, static_cast<int>(o), node);
+      populations[place] = (1 - weight) * populations[place] + weight * f[o] + 6 * Lattice::weight[i] * along;
     }
   }
   // Half of this step's and half of the one before.
