@@ -178,6 +178,9 @@ void SaturatedCells::replace_all(Populations& populations, Parity parity,
     // f_i^eq - f_o^eq = 6 w_i c_i.(rho v), so that the push is 2 B rho (u - v), and the grains of a cell act
     // together through their mean momentum.
     std::array<double, 3> given{};
+    // A body force acts on the fluid's share 1 - e of the cell, the collision has taken 1 - B of it.
+    for (std::size_t axis = 0; axis < dimension; ++axis)
+      given[axis] = 0.5 * (weight - cell.fraction) * density * parameters.acceleration[axis];
     for (std::uint32_t k = cell.first; k < cell.first + cell.count; ++k) {
       const Cover& cover = covers_[order_[k]];
       const double share = weight * cover.fraction / cell.fraction;

@@ -116,6 +116,7 @@ public:
     fluid_force_ = {};
     for (std::size_t k = 0; k < force.size(); ++k) fluid_force_[k % D] += force[k];
     given_force_.assign(force.begin(), force.end());
+    given_torque_.assign(torque.begin(), torque.end());
   }
 
   void set_surface(std::span<const double> positions) override {
@@ -318,6 +319,13 @@ private:
     if (state.size() > 1) values.emplace_back("nearest_gap", gap);
     for (std::size_t c = 0; c < D && !given_force_.empty(); ++c)
       values.emplace_back(std::string("fluid_force_") + kAxis[c], given_force_[D * grain + c]);
+    if (given_torque_.empty()) return values;
+    if constexpr (D == 2) {
+      values.emplace_back("fluid_torque", given_torque_[grain]);
+    } else {
+      for (std::size_t c = 0; c < 3; ++c)
+        values.emplace_back(std::string("fluid_torque_") + kAxis[c], given_torque_[3 * grain + c]);
+    }
     return values;
   }
 
@@ -435,7 +443,7 @@ private:
   std::optional<typename Dynamics<D>::Snapshot> kept_;
   std::vector<std::vector<Expression>> wall_velocity_;
   std::optional<std::size_t> surface_wall_;
-  std::vector<double> mass_, pressure_force_, given_force_;
+  std::vector<double> mass_, pressure_force_, given_force_, given_torque_;
   // Empty without virtual mass; accelerations over the last window, in the scene's order.
   std::vector<double> virtual_mass_, virtual_inertia_, acceleration_, turning_;
   std::vector<double> kept_acceleration_, kept_turning_;
