@@ -14,7 +14,7 @@ Tensor<double> second_piola_kirchhoff(const Tensor<double>& f, const Tensor<doub
 
 }  // namespace
 
-NewtonSolver::NewtonSolver(Solver& solver) : solver_(solver) {
+NewtonSolver::NewtonSolver(Solver& solver, bool split_pressure) : solver_(solver) {
   const Body& body = solver.body();
   const Neighbourhood& pairs = solver.pairs();
   const std::size_t n = body.size();
@@ -78,6 +78,11 @@ NewtonSolver::NewtonSolver(Solver& solver) : solver_(solver) {
   right_hand_side_.resize(2 * free);
   change_.assign(2 * n, 0.0);
   predicted_stress_.assign(4 * n, 0.0);
+  predicted_pressure_.assign(n, 0.0);
+  if (split_pressure) {
+    solver.evaluate(std::vector<double>(2 * n, 0.0));
+    for (std::size_t i = 0; i < n; ++i) shear_modulus_.push_back(solver.tangent_at(i)[5]);
+  }
   for (std::size_t i = 0; i < n; ++i)
     for (std::size_t c = 0; c < 2; ++c)
       if (unknown_[i] >= 0 && body.holds(i, c))
@@ -153,8 +158,13 @@ void NewtonSolver::assemble() {
   std::vector<double> half;  // for each stencil particle a: sum_q V g_a[q] A[p q, r s], 2 x 4
   for (std::size_t i = 0; i < body.size(); ++i) {
     std::array<double, 16> a = solver_.tangent_at(i);
-    const Tensor<double> f = tensor_at(solver_.fields().deformation_gradient, i);
-    const Tensor<double> s = second_piola_kirchhoff(f, solver_.first_piola_kirchhoff_at(i));
+    const auto [pressure, s] = parts_at(i);
+    // d cof F / dF is constant.
+    const double more = predicted_pressure_[i] - pressure;
+    a[3] += more;
+    a[12] += more;
+    a[6] -= more;
+    a[9] -= more;
     const std::array<double, 4> correction{
         predicted_stress_[4 * i] - s.xx, predicted_stress_[4 * i + 1] - s.xy,
         predicted_stress_[4 * i + 2] - s.yx, predicted_stress_[4 * i + 3] - s.yy};
@@ -309,10 +319,24 @@ NewtonSolver::Outcome NewtonSolver::minimise(std::vector<double>& displacement,
   return outcome;
 }
 
+// With the shear modulus at rest in P = mu F + p cof F, the p nearest to it; the rest stays in S.
+NewtonSolver::Parts NewtonSolver::parts_at(std::size_t i) const {
+  const Tensor<double> f = tensor_at(solver_.fields().deformation_gradient, i);
+  Tensor<double> p = solver_.first_piola_kirchhoff_at(i);
+  Parts parts;
+  if (!shear_modulus_.empty()) {
+    const Tensor<double> c = cofactor(f);
+    parts.pressure = contraction(p - scaled(f, shear_modulus_[i]), c) / contraction(f, f);
+    p = p - scaled(c, parts.pressure);
+  }
+  parts.s = second_piola_kirchhoff(f, p);
+  return parts;
+}
+
 void NewtonSolver::use_current_stress() {
   for (std::size_t i = 0; i < solver_.body().size(); ++i) {
-    const Tensor<double> s = second_piola_kirchhoff(tensor_at(solver_.fields().deformation_gradient, i),
-                                                    solver_.first_piola_kirchhoff_at(i));
+    const auto [pressure, s] = parts_at(i);
+    predicted_pressure_[i] = pressure;
     predicted_stress_[4 * i] = s.xx;
     predicted_stress_[4 * i + 1] = s.xy;
     predicted_stress_[4 * i + 2] = s.yx;
@@ -344,14 +368,24 @@ void NewtonSolver::predict_stress(const std::vector<double>& change) {
       d.yy += dy * pairs.gradient[2 * k + 1];
     }
     const Tensor<double> f = tensor_at(solver_.fields().deformation_gradient, i);
-    const Tensor<double> s = second_piola_kirchhoff(f, solver_.first_piola_kirchhoff_at(i));
+    const auto [pressure, s] = parts_at(i);
     const std::array<double, 16> a = solver_.tangent_at(i);
     const std::array<double, 4> dv{d.xx, d.xy, d.yx, d.yy};
     std::array<double, 4> dp{};
     for (std::size_t r = 0; r < 4; ++r)
       for (std::size_t c = 0; c < 4; ++c) dp[r] += a[4 * r + c] * dv[c];
-    // dS = F^-1 (dP - dF S)
-    const Tensor<double> material = Tensor<double>{dp[0], dp[1], dp[2], dp[3]} - product(d, s);
+    Tensor<double> change_of_p{dp[0], dp[1], dp[2], dp[3]};
+    if (!shear_modulus_.empty()) {
+      const Tensor<double> c = cofactor(f), dc = cofactor(d), p = solver_.first_piola_kirchhoff_at(i);
+      const double mu = shear_modulus_[i];
+      const double more = (contraction(change_of_p - scaled(d, mu), c) + contraction(p - scaled(f, mu), dc) -
+                           2 * pressure * contraction(f, d)) /
+                          contraction(f, f);
+      predicted_pressure_[i] = pressure + more;
+      change_of_p = change_of_p - scaled(c, more) - scaled(dc, pressure);
+    }
+    // dS = F^-1 (dP - dF S), of what the pressure leaves.
+    const Tensor<double> material = change_of_p - product(d, s);
     const Tensor<double> predicted = s + second_piola_kirchhoff(f, material);
     predicted_stress_[4 * i] = predicted.xx;
     predicted_stress_[4 * i + 1] = predicted.xy;

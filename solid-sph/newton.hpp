@@ -19,8 +19,11 @@ namespace estuary::solid {
 
 class NewtonSolver {
 public:
-  /// Builds the sparse pattern: a particle couples with the neighbours of its neighbours.
-  explicit NewtonSolver(Solver& solver);
+  /// Builds the sparse pattern: a particle couples with the neighbours of its neighbours. `split_pressure` is
+  /// for laws P = mu F + p(F) cof F, or nearly: p then counts as a stress that the last linear step predicts,
+  /// as in a mixed method with pressures of their own; the volume's stiffness no longer spoils steps that
+  /// change the shape.
+  explicit NewtonSolver(Solver& solver, bool split_pressure = false);
 
   /// From the displacement given to equilibrium under the loading's end values and prescribed motion at
   /// `time`; pressures follow the surface of the displacement given and stay (call again until nothing
@@ -43,6 +46,12 @@ private:
   void hold_components();
   bool follow_prescribed(std::vector<double>& displacement, const std::vector<double>& target,
                          const std::vector<double>& prescribed_step);
+  // The stress in the two parts that steps predict: P = pressure cof F + F S.
+  struct Parts {
+    double pressure = 0;
+    Tensor<double> s;
+  };
+  [[nodiscard]] Parts parts_at(std::size_t particle) const;
   void use_current_stress();
   double set_residual(const std::vector<double>& target);
   void assemble();
@@ -59,8 +68,10 @@ private:
   std::vector<std::int64_t> diagonal_;    // their diagonal entries
   std::vector<std::int64_t> held_row_;    // and rows
   std::vector<double> predicted_stress_;  // S, xx xy yx yy per particle
-  std::vector<double> spring_values_;     // the constant part of the matrix
-  std::vector<double> change_;            // of the last linear solve, all particles
+  std::vector<double> predicted_pressure_;
+  std::vector<double> shear_modulus_;  // at rest, of each particle; empty unless the pressure is split off
+  std::vector<double> spring_values_;  // the constant part of the matrix
+  std::vector<double> change_;         // of the last linear solve, all particles
   Eigen::SparseMatrix<double> matrix_;
   Eigen::SimplicialLDLT<Eigen::SparseMatrix<double>> symmetric_;
   Eigen::SparseLU<Eigen::SparseMatrix<double>> general_;

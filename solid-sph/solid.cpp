@@ -65,7 +65,8 @@ void Solid::build() {
     solver_ = make_solver(scene_.law, body_, options);
   newton_.reset();
   if (scene_.mode == Mode::steady && !scene_.all_rigid() && scene_.method == SteadyMethod::newton)
-    newton_ = std::make_unique<NewtonSolver>(*solver_);
+    newton_ = std::make_unique<NewtonSolver>(
+        *solver_, scene_.law == LawName::neo_hooke || scene_.law == LawName::neo_hooke_isochoric);
   state_ = at_rest(body_);
   state_.history = solver_->history();
   if (scene_.mode == Mode::transient) set_velocities(scene_, body_, state_);
