@@ -46,6 +46,7 @@ void ProgressBar::residual(double value) {
 
 double ProgressBar::fraction_done(double inside) const {
   if (scene_.mode == CouplingMode::transient) {
+    if (position_.window == 0) return 0;  // still starting
     return (static_cast<double>(position_.window) - 1 + std::clamp(inside, 0.0, 1.0) * 0.5) /
            static_cast<double>(scene_.windows);
   }
