@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 #include <cstdio>
+#include <limits>
 
 namespace estuary::solid {
 namespace {
@@ -272,7 +273,8 @@ NewtonSolver::Outcome NewtonSolver::minimise(std::vector<double>& displacement,
   std::vector<double> trial(2 * n);
   for (int iteration = 0; iteration < kIterations; ++iteration) {
     outcome.residual = set_residual(target) / scale;
-    if (iteration > 0 && outcome.residual < tolerance && outcome.change < tolerance) {
+    if (iteration > 0 && outcome.change < tolerance &&
+        (outcome.residual < tolerance || outcome.residual < round_off() / scale)) {
       outcome.converged = true;
       return outcome;
     }
@@ -344,6 +346,25 @@ void NewtonSolver::use_current_stress() {
   }
 }
 
+// A stiff volume's stress cannot be known better than the rounding of the positions allows, however small the
+// load.
+double NewtonSolver::round_off() const {
+  const Body& body = solver_.body();
+  const Neighbourhood& pairs = solver_.pairs();
+  double sum = 0;
+  for (std::size_t i = 0; i < body.size(); ++i) {
+    double modulus = 0;
+    for (const double a : solver_.tangent_at(i)) modulus = std::max(modulus, std::abs(a));
+    const Tensor<double> f = tensor_at(solver_.fields().deformation_gradient, i);
+    const double stress = body.energy_volume[i] * modulus * std::sqrt(contraction(f, f));
+    for (std::size_t k = pairs.first[i]; k < pairs.first[i + 1]; ++k)
+      sum += stress * stress *
+             (pairs.gradient[2 * k] * pairs.gradient[2 * k] +
+              pairs.gradient[2 * k + 1] * pairs.gradient[2 * k + 1]);
+  }
+  return std::numeric_limits<double>::epsilon() * std::sqrt(sum);
+}
+
 double NewtonSolver::set_residual(const std::vector<double>& target) {
   for (std::size_t i = 0; i < solver_.body().size(); ++i) {
     if (unknown_[i] < 0) continue;
@@ -407,7 +428,8 @@ NewtonSolver::Outcome NewtonSolver::iterate(std::vector<double>& displacement,
   for (int iteration = 0; iteration <= kIterations; ++iteration) {
     outcome.residual = set_residual(target) / scale;
     if (iteration == 0) first_residual = outcome.residual;
-    if (iteration > 0 && outcome.residual < tolerance && outcome.change < tolerance) {
+    if (iteration > 0 && outcome.change < tolerance &&
+        (outcome.residual < tolerance || outcome.residual < round_off() / scale)) {
       outcome.converged = true;
       return outcome;
     }

@@ -53,6 +53,8 @@ private:
   };
   [[nodiscard]] Parts parts_at(std::size_t particle) const;
   void use_current_stress();
+  /// What rounding alone leaves of the residual [N/m].
+  [[nodiscard]] double round_off() const;
   double set_residual(const std::vector<double>& target);
   void assemble();
   void add_springs();

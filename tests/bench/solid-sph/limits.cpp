@@ -32,6 +32,7 @@ struct Block {
     Kernel kernel = Kernel::cubic_spline;
     double smoothing_ratio = 0.95;
     bool left = false, right = false, slide = false;
+    bool confined = false;  // ends slide, sides keep their height
     Plane plane = Plane::strain;
   };
   explicit Block(const Options& o) {
@@ -43,6 +44,13 @@ struct Block {
     if (o.slide)
       for (std::size_t i = 0; i < body.size(); ++i)
         if (body.position[2 * i] < 1e-9) body.fixed[i] = 1;
+    if (o.confined)
+      for (std::size_t i = 0; i < body.size(); ++i) {
+        const double x = body.position[2 * i], y = body.position[2 * i + 1];
+        const unsigned along = x < 1e-9 || x > o.length - 1e-9 ? 1 : 0;
+        const unsigned across = y < 1e-9 || y > o.height - 1e-9 ? 2 : 0;
+        body.fixed[i] = static_cast<std::uint8_t>(along | across);
+      }
     Material material{.constants = ElasticConstants::from(o.young, o.poisson, o.plane),
                       .plane = o.plane,
                       .viscosity = {},
@@ -96,7 +104,7 @@ void bisect(const std::string& what, const std::string& setting, double good, do
 // Both ends held, the right one moved to the stretch given.
 Verdict stretched(const Block::Options& options, double stretch) {
   Block::Options o = options;
-  o.left = o.right = true;
+  o.left = o.right = !o.confined;
   const Block block(o);
   Loading loading;
   PrescribedMotion motion{
@@ -251,6 +259,13 @@ int main(int argc, char** argv) {
         bisect("compression", fmt::format("{} nu {:g}", name, poisson), 0.95, 0.28,
                [&](double s) { return stretched(o, s); });
       }
+  if (wanted("confined"))
+    for (const auto& [name, law] : kLaws) {
+      Block::Options o;
+      o.law = law;
+      o.confined = true;
+      bisect("confined compression", name, 0.95, 0.15, [&](double s) { return stretched(o, s); });
+    }
   if (wanted("impact"))
     for (const double viscosity : {0.0, 0.2})
       for (const auto& [name, law] : kLaws) {
