@@ -135,6 +135,7 @@ Polygon evened(const Polygon& loop, double spacing, double window) {
   const double count = std::max(6.0, std::round(total / spacing));
   const double width = std::min(window, 0.25 * total);
   Polygon result;
+  result.reserve(static_cast<std::size_t>(count));
   for (double k = 0; k < count; ++k) {
     const double s = total * k / count;
     const Point from = up_to(s - 0.5 * width), to = up_to(s + 0.5 * width);
