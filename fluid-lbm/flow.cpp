@@ -184,13 +184,12 @@ void Flow::set_solid_nodes(const std::vector<std::uint16_t>& solid) {
           if (!grid().inside(end.x, end.y, end.z)) continue;
           const std::uint16_t body = solid[grid().index(end.x, end.y, end.z)];
           if (body == 0) continue;
-          solid_node_links_.add({x, y, z}, i, 0.5, WallRule::halfway, {}, body - 1U,
-                                {x + 0.5 * c[0], y + 0.5 * c[1], z + 0.5 * c[2]}, cells_, populations_);
+          solid_node_links_.add({x, y, z}, i, body - 1U, {x + 0.5 * c[0], y + 0.5 * c[1], z + 0.5 * c[2]},
+                                populations_);
         }
       }
     }
   }
-  solid_node_links_.finish(solid.empty() ? 1 : *std::max_element(solid.begin(), solid.end()) + 1U);
 }
 
 void Flow::copy_to(State& state) const {
@@ -223,7 +222,7 @@ void Flow::apply_rules(Parity parity, bool sides_complete) {
   if (!bodies_.empty()) bodies_.links().reflect(populations_, parity, compressible, settings_.acceleration);
   if (!outline_links_.empty())
     outline_links_.reflect(populations_, parity, compressible, settings_.acceleration);
-  if (!solid_node_links_.empty()) solid_node_links_.reflect(populations_, parity, compressible);
+  if (!solid_node_links_.empty()) solid_node_links_.reflect(populations_, parity);
   if (obstacles_) obstacle_edges_.close(populations_, parity, compressible);
   if (wet_) wet_edges_.close(populations_, parity, compressible);
   complete_open_sides(populations_, parity, cells_, settings_.sides, settings_.equilibrium,

@@ -15,6 +15,7 @@
 #include "round_bodies.hpp"
 #include "saturated_cells.hpp"
 #include "sides.hpp"
+#include "still_links.hpp"
 #include "surface.hpp"
 #include "wet_load.hpp"
 
@@ -160,7 +161,7 @@ private:
   EdgeLinks wet_edges_;
   SaturatedCells saturated_;
   RoundBodies bodies_;
-  WallLinks solid_node_links_;
+  StillLinks solid_node_links_;
   WallLinks outline_links_;  // of obstacles with a rule
   bool outline_rule_ = false;
   std::vector<std::uint32_t> outline_bodies_;  // per node of the obstacles' outlines

@@ -182,7 +182,7 @@ void exchange_and_reflect(Populations& populations, Parity parity, const Sides& 
   // Into ghosts x comes first, out of ghosts last: corners then pass through the ghosts of the right row.
   for (int n = 0; n < dimension; ++n) {
     const int axis = parity == Parity::even ? n : dimension - 1 - n;
-    if (sides[static_cast<std::size_t>(2 * axis)].kind != SideKind::periodic) continue;
+    if (sides[2 * static_cast<std::size_t>(axis)].kind != SideKind::periodic) continue;
     copy_across(populations, parity, axis, 1);
     copy_across(populations, parity, axis, -1);
 #pragma omp barrier

@@ -1,0 +1,63 @@
+#include "still_links.hpp"
+
+namespace estuary::fluid {
+
+void StillLinks::clear() {
+  links_.clear();
+  places_.clear();
+}
+
+void StillLinks::add(Node node, int i, std::uint32_t body, const std::array<double, 3>& arm,
+                     const Populations& layout) {
+  const std::ptrdiff_t here = layout.node(node.x, node.y, node.z);
+  links_.push_back(
+      {layout.post_collision(Parity::even, i, here), layout.post_collision(Parity::odd, i, here)});
+  places_.push_back({body, i, arm});
+}
+
+void StillLinks::reflect(Populations& populations, Parity parity) const {
+  const auto count = static_cast<std::ptrdiff_t>(links_.size());
+  populations.visit([&](auto* const f) {
+    if (parity == Parity::even) {
+#pragma omp for schedule(static)
+      for (std::ptrdiff_t n = 0; n < count; ++n) {
+        const Link& link = links_[static_cast<std::size_t>(n)];
+        f[link.at_neighbour] = f[link.at_node];
+      }
+    } else {
+#pragma omp for schedule(static)
+      for (std::ptrdiff_t n = 0; n < count; ++n) {
+        const Link& link = links_[static_cast<std::size_t>(n)];
+        f[link.at_node] = f[link.at_neighbour];
+      }
+    }
+  });
+}
+
+void StillLinks::add_load(const Populations& populations, Parity parity, std::size_t number,
+                          BodyLoad& total) const {
+  const Place& place = places_[number];
+  const Link& link = links_[number];
+  const auto& c = populations.lattice().velocity[place.direction];
+  // What leaves and what comes back are equal.
+  const double twice = 2 * populations[parity == Parity::even ? link.at_node : link.at_neighbour];
+  const std::array<double, 3> f{twice * c[0], twice * c[1], twice * c[2]};
+  const auto& arm = place.arm;
+  total += {f, {arm[1] * f[2] - arm[2] * f[1], arm[2] * f[0] - arm[0] * f[2], arm[0] * f[1] - arm[1] * f[0]}};
+}
+
+BodyLoad StillLinks::load(const Populations& populations, Parity parity) const {
+  BodyLoad total;
+  for (std::size_t n = 0; n < links_.size(); ++n) add_load(populations, parity, n, total);
+  return total;
+}
+
+BodyLoad StillLinks::load(const Populations& populations, Parity parity, std::uint32_t body) const {
+  BodyLoad total;
+  for (std::size_t n = 0; n < links_.size(); ++n) {
+    if (places_[n].body == body) add_load(populations, parity, n, total);
+  }
+  return total;
+}
+
+}  // namespace estuary::fluid
