@@ -315,19 +315,6 @@ template <class Lattice, class Collision, class Equilibrium, class Force, class 
   });
 }
 
-// Asks for the populations of a run that comes next. The processor follows long runs by itself, but among pores it
-// would wait for memory at each of them.
-template <class Lattice, class Stored>
-[[gnu::always_inline]] inline void fetch_ahead(const std::array<Stored*, Lattice::count>& place, Span next) {
-  constexpr int line = 64 / sizeof(Stored);
-  constexpr int most = 4 * line;
-  const int end = next.end - next.begin > most ? next.begin + most : next.end;
-  for (std::size_t i = 0; i < Lattice::count; ++i) {
-    for (int x = next.begin; x < end; x += line) __builtin_prefetch(place[i] + x, 1);
-    __builtin_prefetch(place[i] + end - 1, 1);
-  }
-}
-
 // The value that leaves along i goes where the one that came along the opposite of i was read, after either
 // kind of step: reading places are all that distinguishes the two kinds.
 template <class Lattice, class Collision, class Equilibrium, class Force, class Viscosity, class Stored>
@@ -341,10 +328,7 @@ void pass(Populations& populations, Parity parity, const std::vector<std::vector
       place[static_cast<std::size_t>(i)] =
           populations.data<Stored>() + populations.incoming(parity, i, populations.row_start(row));
     }
-    const auto& runs = rows[static_cast<std::size_t>(row)];
-    for (std::size_t run = 0; run < runs.size(); ++run) {
-      const Span span = runs[run];
-      if (run + 1 < runs.size()) fetch_ahead<Lattice>(place, runs[run + 1]);
+    for (const Span span : rows[static_cast<std::size_t>(row)]) {
 #pragma omp simd
       for (int x = span.begin; x < span.end; ++x) {
         update<Lattice, Collision, Equilibrium, Force, Viscosity>(place, x, own);
