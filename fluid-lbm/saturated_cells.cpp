@@ -15,6 +15,11 @@ int image(int at, int count, bool periodic) {
   return wrapped < 0 ? wrapped + count : wrapped;
 }
 
+// How far covered cells turn the momentum that reaches them, relative to the grain: all of it back is 2, and
+// rings for ever between cells; 1 leaves none, and lets density diffuse through the grain at 1/6. In between
+// rings die by 0.8 per step, and the leak is a ninth.
+constexpr double turning = 1.8;
+
 // The method's B.
 double weight_of(double fraction, double t) {
   return fraction * t / (1 - fraction + t);
@@ -188,8 +193,9 @@ void SaturatedCells::replace_all(Populations& populations, Parity parity,
       const std::array<double, 3> fluid{m.momentum_x, m.momentum_y, m.momentum_z};
       for (std::size_t axis = 0; axis < 3; ++axis) {
         const double momentum = density * v[axis];
-        given[axis] += share * momentum;
-        push_[3 * order_[k] + axis] = 2 * share * (fluid[axis] - momentum);
+        const double slip = fluid[axis] - momentum;
+        given[axis] += share * (momentum + (1 - 0.5 * turning) * slip);
+        push_[3 * order_[k] + axis] = turning * share * slip;
       }
     }
     for (std::size_t i = 0; i < count; ++i) {
