@@ -74,7 +74,9 @@ bool Contact::find_region() {
   longest_ = 0;
   for (const Segment& segment : segments_) {
     const double *a = at(segment.a), *b = at(segment.b);
-    longest_ = std::max(longest_, std::hypot(b[0] - a[0], b[1] - a[1]));
+    const double length = std::hypot(b[0] - a[0], b[1] - a[1]);
+    if (!std::isfinite(length)) throw ContactLost(segment.a, length);
+    longest_ = std::max(longest_, length);
     Box& box = boxes_[segment.member];
     for (std::size_t c = 0; c < 2; ++c) {
       box.low[c] = std::min(box.low[c], a[c]);

@@ -364,6 +364,13 @@ AdvanceResult Solid::advance(const Window& window, const v1::Exchange& inputs, P
         "raise [solid.contact] stiffness (which shortens the time step)");
   }
   step_seconds_ += seconds_since(begin);
+  // No particle of a rigid body has a strain that could tell.
+  for (const double value : state_.rigid)
+    if (!std::isfinite(value))
+      throw Diverged("displacement",
+                     fmt::format("the position of a rigid body is not finite in window {}, iteration {}",
+                                 window.number, window.iteration),
+                     "check the forces on it, its mass and its springs");
   begin = Clock::now();
   if (solver_->evaluate(state_.displacement) > 0) {
     try {

@@ -281,6 +281,13 @@ TEST(Rigid, GoesOnFromACheckpointToTheBit) {
     EXPECT_EQ(value_of(a, "centre", quantity), value_of(b, "centre", quantity)) << quantity;
 }
 
+TEST(Rigid, SaysWhenItsPositionIsNotFinite) {
+  Running run(scene(std::string(kDisc) + "mass = 1e-9\n"));
+  EXPECT_THROW(run.step(1, 1, 0.25, run.forces(1e308, 0)), Diverged);
+  const auto again = run.step(1, 2, 0.25, run.forces(1e-9, 0));
+  EXPECT_TRUE(std::isfinite(value_of(again, "centre", "displacement_x")));
+}
+
 TEST(Rigid, RefusesWhatItCannotMean) {
   const auto first_problem = [](const std::string& solid, const char* mode = "transient") {
     Solid participant;
