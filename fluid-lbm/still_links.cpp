@@ -17,19 +17,12 @@ void StillLinks::add(Node node, int i, std::uint32_t body, const std::array<doub
 
 void StillLinks::reflect(Populations& populations, Parity parity) const {
   const auto count = static_cast<std::ptrdiff_t>(links_.size());
+  const bool even = parity == Parity::even;
   populations.visit([&](auto* const f) {
-    if (parity == Parity::even) {
 #pragma omp for schedule(static)
-      for (std::ptrdiff_t n = 0; n < count; ++n) {
-        const Link& link = links_[static_cast<std::size_t>(n)];
-        f[link.at_neighbour] = f[link.at_node];
-      }
-    } else {
-#pragma omp for schedule(static)
-      for (std::ptrdiff_t n = 0; n < count; ++n) {
-        const Link& link = links_[static_cast<std::size_t>(n)];
-        f[link.at_node] = f[link.at_neighbour];
-      }
+    for (std::ptrdiff_t n = 0; n < count; ++n) {
+      const Link& link = links_[static_cast<std::size_t>(n)];
+      f[even ? link.at_neighbour : link.at_node] = f[even ? link.at_node : link.at_neighbour];
     }
   });
 }
