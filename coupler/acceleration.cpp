@@ -6,13 +6,10 @@
 #include "quasi_newton.hpp"
 
 namespace estuary::coupler {
-namespace {
 
-void relax(double omega, std::span<const double> residual, std::span<double> iterate) {
-  for (std::size_t i = 0; i < iterate.size(); ++i) iterate[i] += omega * residual[i];
+void relax(double factor, std::span<const double> residual, std::span<double> iterate) {
+  for (std::size_t i = 0; i < iterate.size(); ++i) iterate[i] += factor * residual[i];
 }
-
-}  // namespace
 
 void ConstantRelaxation::update(std::span<const double> residual, std::span<double> iterate) {
   relax(omega_, residual, iterate);

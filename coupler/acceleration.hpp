@@ -35,6 +35,9 @@ public:
   [[nodiscard]] virtual double relaxation() const = 0;
 };
 
+/// x <- x + factor r.
+void relax(double factor, std::span<const double> residual, std::span<double> iterate);
+
 /// x <- x + omega r. omega = 1: no relaxation.
 class ConstantRelaxation final : public Acceleration {
 public:

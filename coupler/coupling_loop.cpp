@@ -6,6 +6,7 @@
 #include <chrono>
 #include <cmath>
 
+#include "elapsed.hpp"
 #include "grain_fields.hpp"
 #include "load_transfer.hpp"
 #include "wet_surface.hpp"
@@ -19,10 +20,6 @@ using std::chrono::steady_clock;
 constexpr double small_step = 0.2;
 // A load that the solid cannot take at once is halved at most this often.
 constexpr int most_halvings = 5;
-
-double seconds_since(steady_clock::time_point begin) {
-  return std::chrono::duration<double>(steady_clock::now() - begin).count();
-}
 
 std::array<double, 2> first_two(const google::protobuf::RepeatedField<double>& field) {
   return {!field.empty() ? field[0] : 0.0, field.size() > 1 ? field[1] : 0.0};

@@ -17,7 +17,7 @@
 namespace estuary::coupler {
 namespace {
 
-constexpr double nothing = std::numeric_limits<double>::quiet_NaN();
+constexpr double no_value = std::numeric_limits<double>::quiet_NaN();
 
 // Perceptually uniform, readable without colours. viridis and magma: van der Walt & Smith 2015; vik: Crameri
 // 2018.
@@ -115,7 +115,7 @@ double sample(const ImageFrame& image, const std::vector<double>& values, double
   const double j = std::clamp(y, 0.0, static_cast<double>(image.ny - 1));
   const auto nearest =
       static_cast<std::size_t>(std::lround(j)) * image.nx + static_cast<std::size_t>(std::lround(i));
-  if (!fill && !std::isfinite(values[nearest])) return nothing;
+  if (!fill && !std::isfinite(values[nearest])) return no_value;
   const auto i0 = std::min(static_cast<std::size_t>(i), image.nx - 2);
   const auto j0 = std::min(static_cast<std::size_t>(j), image.ny - 2);
   const double fx = i - static_cast<double>(i0);
@@ -131,7 +131,7 @@ double sample(const ImageFrame& image, const std::vector<double>& values, double
       weights += weight;
     }
   }
-  return weights > 0 ? sum / weights : nothing;
+  return weights > 0 ? sum / weights : no_value;
 }
 
 /// The panel's pixels as a file of floats, row by row from below.
@@ -319,7 +319,7 @@ Picture draw_flow(const std::filesystem::path& run_folder, const std::filesystem
   }
   const auto shown = [&](auto&& value) {
     std::vector<double> values(nodes);
-    for (std::size_t i = 0; i < nodes; ++i) values[i] = blocked[i] ? nothing : value(i);
+    for (std::size_t i = 0; i < nodes; ++i) values[i] = blocked[i] ? no_value : value(i);
     return values;
   };
 

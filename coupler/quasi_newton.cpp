@@ -28,10 +28,6 @@ std::vector<double> answer_of(std::span<const double> residual, std::span<const 
   return answer;
 }
 
-void relax(double factor, std::span<const double> residual, std::span<double> iterate) {
-  for (std::size_t i = 0; i < iterate.size(); ++i) iterate[i] += factor * residual[i];
-}
-
 // `answer` + W c, less what is not wanted of the residual's part outside V, which is minus `right`.
 void take_step(const std::vector<double>& answer, const std::vector<double>& right, double remainder,
                std::span<double> iterate) {

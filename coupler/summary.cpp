@@ -15,7 +15,7 @@ namespace {
 using Json = nlohmann::ordered_json;
 
 // JSON has no infinities and no not-a-number: they become null.
-Json number(double value) {
+Json finite_or_null(double value) {
   return std::isfinite(value) ? Json(value) : Json(nullptr);
 }
 
@@ -39,17 +39,17 @@ Json participants_json(const CheckedScene& scene, const Participants* participan
   for (const auto& participant : participants->all()) {
     const v1::Work& work = participant->work();
     Json phases = Json::object();
-    for (const auto& phase : work.phases()) phases[phase.phase()] = number(phase.seconds());
+    for (const auto& phase : work.phases()) phases[phase.phase()] = finite_or_null(phase.seconds());
     Json entry = {{"solver", participant->identity().name()},
                   {"version", participant->identity().version()},
-                  {"wall_s", number(participant->usage().wall_s)},
-                  {"compute_s", number(compute_seconds(*participant))},
-                  {"wait_s", number(wait_seconds(*participant, wall_s))},
-                  {"exchange_s", number(participant->usage().exchange_s)},
+                  {"wall_s", finite_or_null(participant->usage().wall_s)},
+                  {"compute_s", finite_or_null(compute_seconds(*participant))},
+                  {"wait_s", finite_or_null(wait_seconds(*participant, wall_s))},
+                  {"exchange_s", finite_or_null(participant->usage().exchange_s)},
                   {"steps", work.steps()},
-                  {"updates", number(work.updates())},
-                  {"updates_per_s", number(updates_per_second(*participant))},
-                  {"bytes_per_update", number(work.bytes_per_update())},
+                  {"updates", finite_or_null(work.updates())},
+                  {"updates_per_s", finite_or_null(updates_per_second(*participant))},
+                  {"bytes_per_update", finite_or_null(work.bytes_per_update())},
                   {"peak_rss_bytes", work.peak_rss_bytes()},
                   {"phases", phases}};
     if (const auto found = scene.participants.find(participant->role()); found != scene.participants.end()) {
@@ -74,10 +74,10 @@ Json watches_json(const RunRecord& record) {
       const auto [low, high] = std::minmax_element(series.value.begin(), series.value.end());
       const double mean = std::accumulate(series.value.begin(), series.value.end(), 0.0) /
                           static_cast<double>(series.value.size());
-      entry[quantity] = {{"last", number(series.value.back())},
-                         {"min", number(*low)},
-                         {"max", number(*high)},
-                         {"mean", number(mean)}};
+      entry[quantity] = {{"last", finite_or_null(series.value.back())},
+                         {"min", finite_or_null(*low)},
+                         {"max", finite_or_null(*high)},
+                         {"mean", finite_or_null(mean)}};
     }
     all[name] = entry;
   }
@@ -87,12 +87,12 @@ Json watches_json(const RunRecord& record) {
 Json checks_json(const std::vector<CheckResult>& checks) {
   Json all = Json::array();
   for (const auto& result : checks) {
-    Json entry = {{"quantity", result.check.quantity}, {"value", number(result.value)}};
-    entry["reference"] = result.check.reference ? number(*result.check.reference) : Json(nullptr);
-    if (result.check.at_most) entry["at_most"] = number(*result.check.at_most);
-    if (result.check.at_least) entry["at_least"] = number(*result.check.at_least);
-    entry["error"] = number(result.error);
-    entry["tolerance"] = number(result.tolerance);
+    Json entry = {{"quantity", result.check.quantity}, {"value", finite_or_null(result.value)}};
+    entry["reference"] = result.check.reference ? finite_or_null(*result.check.reference) : Json(nullptr);
+    if (result.check.at_most) entry["at_most"] = finite_or_null(*result.check.at_most);
+    if (result.check.at_least) entry["at_least"] = finite_or_null(*result.check.at_least);
+    entry["error"] = finite_or_null(result.error);
+    entry["tolerance"] = finite_or_null(result.tolerance);
     entry["absolute"] = result.check.absolute_tolerance.has_value();
     entry["pass"] = result.pass;
     entry["source"] = result.check.source;
@@ -124,7 +124,7 @@ void write_summary(const std::filesystem::path& folder, const CheckedScene& scen
       {"title", scene.coupling.title},
       {"status", end.status},
       {"message", end.message},
-      {"wall_s", number(end.wall_s)},
+      {"wall_s", finite_or_null(end.wall_s)},
       {"windows", windows},
       {"iterations",
        {{"total", end.total_iterations},
@@ -132,7 +132,7 @@ void write_summary(const std::filesystem::path& folder, const CheckedScene& scen
          windows == 0 ? 0.0 : static_cast<double>(end.total_iterations) / static_cast<double>(windows)},
         {"max", most}}},
       {"participants", participants_json(scene, participants, end.wall_s)},
-      {"coupling", {{"exchange_s", number(exchange_s)}, {"bytes", bytes}, {"messages", messages}}},
+      {"coupling", {{"exchange_s", finite_or_null(exchange_s)}, {"bytes", bytes}, {"messages", messages}}},
       {"left_out", scene.left_out},
       {"watch", watches_json(record)},
       {"checks", checks_json(checks)}};

@@ -8,7 +8,7 @@
 namespace estuary::fluid {
 namespace {
 
-constexpr double fastest = 0.5;  // [lattice units]
+constexpr double fastest_body = 0.5;  // [lattice units]
 
 }  // namespace
 
@@ -33,7 +33,7 @@ void BodyMotion::place(double time, const Grains& grains, Flow& flow, bool fill)
       centre[axis] += displacement(0, 0, 0, time);
       velocity[axis] += (displacement(0, 0, 0, time + h) - displacement(0, 0, 0, time - h)) / (2 * h);
       const double speed = std::abs(velocity[axis]) * scene_.units.velocity_to_lattice();
-      if (!(std::isfinite(centre[axis]) && speed < fastest)) {
+      if (!(std::isfinite(centre[axis]) && speed < fastest_body)) {
         throw Diverged(
             "displacement",
             fmt::format("obstacle '{}' moves with {:g} m/s at t = {:g} s, {:.2g} spacings per time step",

@@ -19,10 +19,6 @@ constexpr double link_length = 1.5;
 // Distance from the surface within which links end that may close [spacings].
 constexpr double near_surface = 1 + link_length;
 
-std::size_t index_of(Parity parity) {
-  return parity == Parity::even ? 0 : 1;
-}
-
 double length_of(const Segment& s) {
   return std::hypot(s.bx - s.ax, s.by - s.ay);
 }

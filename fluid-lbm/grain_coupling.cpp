@@ -10,7 +10,7 @@ namespace estuary::fluid {
 namespace {
 
 // A grain faster than this [lattice units] leaves the method's range.
-constexpr double fastest = 0.5;
+constexpr double fastest_grain = 0.5;
 
 bool all_zero(const std::vector<double>& values) {
   return std::all_of(values.begin(), values.end(), [](double v) { return v == 0; });
@@ -45,7 +45,7 @@ void GrainCoupling::take(const v1::Exchange& inputs, double duration, bool stead
   const auto components = static_cast<std::size_t>(end_.dimension);
   for (std::size_t k = 0; k < end_.velocity.size(); ++k) {
     const double speed = std::abs(end_.velocity[k]) * units_.velocity_to_lattice();
-    if (speed < fastest) continue;
+    if (speed < fastest_grain) continue;
     throw Diverged("inputs.grain_states.velocity",
                    fmt::format("grain {} moves with {:g} m/s, {:.2g} spacings per time step", k / components,
                                end_.velocity[k], speed),

@@ -33,6 +33,12 @@ namespace estuary::fluid {
 
 /// Which kind of step was done last. A new state counts as `odd`: each population stands at its own node.
 enum class Parity { even, odd };
+constexpr std::array<Parity, 2> parities{Parity::even, Parity::odd};
+
+/// For pairs of things of which one is for even steps.
+constexpr std::size_t index_of(Parity parity) {
+  return parity == Parity::even ? 0 : 1;
+}
 
 /// How a population is kept in memory; arithmetic is in double precision. In single precision half the bytes
 /// move, and each step rounds f_i - w_i to 24 bits.

@@ -6,12 +6,6 @@
 namespace estuary::fluid {
 namespace {
 
-std::size_t index_of(Parity parity) {
-  return parity == Parity::even ? 0 : 1;
-}
-
-constexpr std::array<Parity, 2> parities{Parity::even, Parity::odd};
-
 // c_in . velocity at a node, from what left it.
 double velocity_along(const Populations& p, Parity parity, std::ptrdiff_t node, int i, bool compressible) {
   const LatticeTable& lattice = p.lattice();

@@ -3,12 +3,6 @@
 #include <algorithm>
 
 namespace estuary::fluid {
-namespace {
-
-constexpr std::array<Parity, 2> parities{Parity::even, Parity::odd};
-
-}  // namespace
-
 void WallMemory::clear() {
   kept_.clear();
   for (std::size_t n = 0; n < links_.size(); ++n) kept_.push_back({links_[n].key, values_[n]});

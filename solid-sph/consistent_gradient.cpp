@@ -9,7 +9,7 @@ namespace estuary::solid {
 namespace {
 
 using Vector = Eigen::VectorXd;
-using Matrix = Eigen::SparseMatrix<double>;
+using Sparse = Eigen::SparseMatrix<double>;
 
 // Outward normal times half the length of both segments at every particle of the contour.
 std::vector<double> boundary_vectors(const Body& body) {
@@ -55,12 +55,12 @@ double make_consistent(const Body& body, std::vector<GradientRow>& rows) {
       entries.emplace_back(static_cast<int>(3 * rows[i].neighbour[k] + 2), column, volume);
     }
   }
-  Matrix constraint(static_cast<Eigen::Index>(3 * n), pairs);
+  Sparse constraint(static_cast<Eigen::Index>(3 * n), pairs);
   constraint.setFromTriplets(entries.begin(), entries.end());
   // Constant fields and the area are constrained twice, so the system is singular but solvable; the shift
   // makes it definite, and repeating the solution removes what the shift changed.
-  Matrix system = constraint * scale.asDiagonal() * constraint.transpose();
-  Eigen::SimplicialLDLT<Matrix> solver;
+  Sparse system = constraint * scale.asDiagonal() * constraint.transpose();
+  Eigen::SimplicialLDLT<Sparse> solver;
   solver.setShift(1e-9);
   double worst = 0;
   for (std::size_t c = 0; c < 2; ++c) {

@@ -8,10 +8,10 @@
 namespace estuary::solid {
 namespace {
 
-using Matrix = std::array<double, 9>;
+using Matrix3 = std::array<double, 9>;
 
-Matrix times(const Matrix& a, const Matrix& b) {
-  Matrix c{};
+Matrix3 times(const Matrix3& a, const Matrix3& b) {
+  Matrix3 c{};
   for (std::size_t i = 0; i < 3; ++i)
     for (std::size_t k = 0; k < 3; ++k)
       for (std::size_t j = 0; j < 3; ++j) c[3 * i + j] += a[3 * i + k] * b[3 * k + j];
@@ -37,8 +37,8 @@ OscillatorStep oscillator_step(double mass, double damper, double spring, double
   const double size = std::max({1.0, std::sqrt(k), c});
   const int squarings = static_cast<int>(std::ceil(std::log2(size))) + 3;
   const double s = std::ldexp(1.0, -squarings);
-  const Matrix a{0, s, 0, -k * s, -c * s, s, 0, 0, 0};
-  Matrix result{1, 0, 0, 0, 1, 0, 0, 0, 1}, term = result;
+  const Matrix3 a{0, s, 0, -k * s, -c * s, s, 0, 0, 0};
+  Matrix3 result{1, 0, 0, 0, 1, 0, 0, 0, 1}, term = result;
   for (int order = 1; order <= 14; ++order) {
     term = times(term, a);
     for (double& t : term) t /= order;

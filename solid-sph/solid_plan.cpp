@@ -25,13 +25,13 @@ void plan_rigid(const SolidScene& scene, const BodyScene& body, Plan& plan) {
   plan.derived.emplace_back("rigid \"" + body.name + "\"",
                             fmt::format("mass {:.6g} kg/m, inertia {:.6g} kg m2/m, centre ({:.6g}, {:.6g}) m",
                                         mass[0], mass[1], mass[2], mass[3]));
-  constexpr std::array<const char*, 3> kFreedoms{"x", "y", "rotation"};
+  constexpr std::array<const char*, 3> names{"x", "y", "rotation"};
   std::string periods;
   for (std::size_t c = 0; c < 3; ++c) {
     const double spring = body.rigid->spring[c], inertia = c == 2 ? mass[1] : mass[0];
     if (body.rigid->held[c] || !(spring > 0)) continue;
     const double rate = std::sqrt(spring / inertia);
-    periods += fmt::format("{}{} {:.5g} Hz, damping ratio {:.4g}", periods.empty() ? "" : "; ", kFreedoms[c],
+    periods += fmt::format("{}{} {:.5g} Hz, damping ratio {:.4g}", periods.empty() ? "" : "; ", names[c],
                            rate / (2 * std::numbers::pi), 0.5 * body.rigid->damper[c] / (inertia * rate));
   }
   if (!periods.empty()) plan.derived.emplace_back("its oscillations in vacuum", periods);

@@ -51,14 +51,14 @@ struct Entry {
 };
 
 // How a point takes part in a transfer.
-struct Place {
+struct Point {
   double x = 0, y = 0;
   std::uint8_t held = 0;  // as in ContourLine
   Curvature curvature = Curvature::all;
   Offset tangent{};
 };
 
-std::vector<Entry> point_row(const Body& body, const ReferenceSearch& search, const Place& place) {
+std::vector<Entry> point_row(const Body& body, const ReferenceSearch& search, const Point& place) {
   const double d = body.mean_spacing();
   const bool vertical = place.held == 1 || place.held == 3;  // the clamped side the node lies on
   const double row_distance =
@@ -111,23 +111,23 @@ std::vector<Entry> point_row(const Body& body, const ReferenceSearch& search, co
 
 using Rows = std::vector<std::vector<Entry>>;
 
-Rows point_rows(const Body& body, std::span<const Place> places) {
+Rows point_rows(const Body& body, std::span<const Point> places) {
   const ReferenceSearch search(body, kReach * body.mean_spacing());
   Rows rows;
-  for (const Place& place : places) rows.push_back(point_row(body, search, place));
+  for (const Point& place : places) rows.push_back(point_row(body, search, place));
   return rows;
 }
 
 // The least change of the shares that makes them reproduce linear fields on a contour that is curved or whose
 // nodes are not evenly spaced.
 template <class At>
-void keep_linear(std::vector<double>& share, std::span<const Place> places, const At& at, std::ptrdiff_t k,
+void keep_linear(std::vector<double>& share, std::span<const Point> places, const At& at, std::ptrdiff_t k,
                  double spacing) {
   const auto count = static_cast<Eigen::Index>(share.size());
   const auto reach = static_cast<std::ptrdiff_t>(share.size() / 2);
   Eigen::MatrixXd moments(3, count);
   for (Eigen::Index column = 0; column < count; ++column) {
-    const Place& place = places[at(k + column - reach)];
+    const Point& place = places[at(k + column - reach)];
     moments.col(column) << 1, (place.x - places[at(k)].x) / spacing, (place.y - places[at(k)].y) / spacing;
   }
   const Eigen::Map<Eigen::VectorXd> shares(share.data(), count);
@@ -145,7 +145,7 @@ void keep_linear(std::vector<double>& share, std::span<const Place> places, cons
 // carries with little stiffness and the other side cannot resolve, is neither seen nor loaded. On straight
 // stretches of even spacing cubic fields pass unchanged (the five-point filter of Shapiro 1970); next to
 // corners, ends and clamps linear ones do.
-Rows without_sawtooth(const Body& body, const Rows& rows, std::span<const Place> places, bool closed) {
+Rows without_sawtooth(const Body& body, const Rows& rows, std::span<const Point> places, bool closed) {
   const bool periodic = body.box.periodic;
   const auto n = static_cast<std::ptrdiff_t>(rows.size());
   const bool wraps = closed || periodic;
@@ -155,7 +155,7 @@ Rows without_sawtooth(const Body& body, const Rows& rows, std::span<const Place>
   };
   const auto smooth = [&](std::ptrdiff_t k) {
     if (!wraps && (k <= 0 || k >= n - 1)) return false;
-    const Place& place = places[at(k)];
+    const Point& place = places[at(k)];
     return place.held == 0 && place.curvature == Curvature::tangential;
   };
   Rows result;
@@ -278,9 +278,9 @@ Transfer contour_transfer(const Body& body, std::span<const ContourLine> lines) 
   Rows rows;
   for (const ContourLine& line : lines) {
     const std::size_t n = line.size();
-    std::vector<Place> places;
+    std::vector<Point> places;
     for (std::size_t k = 0; k < n; ++k) {
-      Place place{.x = line.position[2 * k], .y = line.position[2 * k + 1], .held = line.held[k]};
+      Point place{.x = line.position[2 * k], .y = line.position[2 * k + 1], .held = line.held[k]};
       const bool has_both = line.closed || (k > 0 && k + 1 < n);
       const std::size_t before = has_both ? (k + n - 1) % n : (k == 0 ? k : k - 1);
       const std::size_t after = has_both ? (k + 1) % n : (k == 0 ? k + 1 : k);
@@ -305,7 +305,7 @@ Transfer contour_transfer(const Body& body, std::span<const ContourLine> lines) 
 }
 
 Transfer point_transfer(const Body& body, std::span<const double> points) {
-  std::vector<Place> places;
+  std::vector<Point> places;
   for (std::size_t k = 0; k < points.size() / 2; ++k)
     places.push_back({.x = points[2 * k], .y = points[2 * k + 1]});
   return assemble(point_rows(body, places));

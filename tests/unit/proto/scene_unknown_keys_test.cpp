@@ -12,7 +12,7 @@ namespace {
 using ::testing::ElementsAre;
 using ::testing::IsEmpty;
 
-std::vector<std::string> described(const Scene& scene) {
+std::vector<std::string> problems_of(const Scene& scene) {
   std::vector<std::string> result;
   for (const auto& problem : scene.problems()) result.push_back(describe(scene.name(), problem));
   return result;
@@ -24,7 +24,7 @@ TEST(UnknownKeys, AreRefusedAtTheKeyWithTheNearestName) {
   fluid.number("viscosity");
   fluid.number_or("density", 1.0);
   scene.root().refuse_unknown_keys();
-  EXPECT_THAT(described(scene),
+  EXPECT_THAT(problems_of(scene),
               ElementsAre("s.toml:3:3: unknown key 'viscosty' in [fluid]; did you mean 'viscosity'?",
                           "s.toml:4:1: unknown key 'zzz' in [fluid]; known here: viscosity, density"));
 }
@@ -45,7 +45,7 @@ nam = "b"
   for (auto& watch : root.tables("watch")) watch.text_or("name", "");
   root.table_if("solid");
   root.refuse_unknown_keys();
-  EXPECT_THAT(described(scene),
+  EXPECT_THAT(problems_of(scene),
               ElementsAre("s.toml:3:1: unknown key 'tpye' in [fluid.sides.left]; did you mean 'type'?",
                           "s.toml:7:1: unknown key 'nam' in [watch.1]; did you mean 'name'?",
                           "s.toml:8:2: unknown key 'sollid' at the top of the scene; did you mean 'solid'?"));
@@ -59,9 +59,9 @@ TEST(UnknownKeys, LeftToOtherReadersAreTheirs) {
   auto fluid = root.table("fluid");
   fluid.text("solver");
   root.refuse_unknown_keys();
-  EXPECT_THAT(described(scene), IsEmpty()) << "what lies below a table left to others is not looked at";
+  EXPECT_THAT(problems_of(scene), IsEmpty()) << "what lies below a table left to others is not looked at";
   fluid.refuse_unknown_keys();
-  EXPECT_THAT(described(scene),
+  EXPECT_THAT(problems_of(scene),
               ElementsAre("s.toml:3:1: unknown key 'viscosity' in [fluid]; known here: solver"));
 }
 
@@ -70,7 +70,7 @@ TEST(UnknownKeys, AreKnownToAllCopiesOfATable) {
   scene.root().table("fluid").number("a");
   scene.root().table("fluid").number("b");
   scene.root().table("fluid").refuse_unknown_keys();
-  EXPECT_THAT(described(scene), IsEmpty());
+  EXPECT_THAT(problems_of(scene), IsEmpty());
 }
 
 TEST(NearestName, FindsSlipsAndNothingElse) {
