@@ -24,8 +24,8 @@ std::vector<double> bounds_of(const Surface& surface) {
 }
 
 bool near(const std::vector<double>& a, const std::vector<double>& b) {
-  constexpr double reach = 3.0;
-  return a[0] < b[2] + reach && b[0] < a[2] + reach && a[1] < b[3] + reach && b[1] < a[3] + reach;
+  constexpr double margin = 3.0;
+  return a[0] < b[2] + margin && b[0] < a[2] + margin && a[1] < b[3] + margin && b[1] < a[3] + margin;
 }
 
 RelaxationParts relaxation_of(const FlowSettings& settings) {
@@ -114,7 +114,7 @@ MoveCounts Flow::place(std::span<const double> positions, std::span<const double
   wet_->place(positions, velocities, velocity_scale);
   std::vector<Node> uncovered;
   MoveCounts counts;
-  const auto& solid = rows_.classify(wet_->segments());
+  const auto& solid = rows_.classify(wet_->inset_segments(surface_inset));
   for (int y = 0; y < grid().ny; ++y) {
     counts.covered += cells_.set_solid(y, cell_wet_solid, solid[static_cast<std::size_t>(y)], uncovered);
   }

@@ -9,10 +9,6 @@ namespace {
 // Rounding allowance for a cut at the very end of a link or of a segment [fraction].
 constexpr double end_tolerance = 1e-9;
 
-std::size_t index_of(Parity parity) {
-  return parity == Parity::even ? 0 : 1;
-}
-
 }  // namespace
 
 Links::Links(const Grid& grid)
@@ -52,7 +48,10 @@ void Links::visit(Node node, const Segment& s, std::uint32_t number, const Cells
     double along = (c[0] * dy - c[1] * dx) / determinant;
     // Beside a wall of the grid the surface may cut a link that the wall would cut half-way.
     const double furthest = (neighbour & cell_outside) != 0 ? 0.5 : 1.0 + end_tolerance;
-    if (q < -end_tolerance || q > furthest || along < -end_tolerance || along > 1 + end_tolerance) continue;
+    // A fluid node may lie a little inside the surface; its links into the solid (c . n < 0) are then cut at
+    // once.
+    const double nearest = determinant < 0 ? -2 * surface_inset : -end_tolerance;
+    if (q < nearest || q > furthest || along < -end_tolerance || along > 1 + end_tolerance) continue;
     q = std::clamp(q, 0.0, 1.0);
     along = std::clamp(along, 0.0, 1.0);
     if (known < 0) {

@@ -23,15 +23,59 @@ Shifts shifts_into(bool periodic, int count, double low, double high) {
           static_cast<int>(std::floor((count + image_margin - low) / count))};
 }
 
+// Last and first node of each line that does not come back to where it began.
+std::vector<std::uint32_t> ends_of_open_lines(std::size_t nodes,
+                                              const std::vector<std::uint32_t>& connectivity) {
+  const auto none = static_cast<std::uint32_t>(nodes);
+  std::vector<std::uint32_t> next(nodes, none);
+  std::vector<std::uint32_t> previous(nodes, none);
+  for (std::size_t s = 0; s + 1 < connectivity.size(); s += 2) {
+    next[connectivity[s]] = connectivity[s + 1];
+    previous[connectivity[s + 1]] = connectivity[s];
+  }
+  std::vector<std::uint32_t> ends;
+  for (std::uint32_t first = 0; first < none; ++first) {
+    if (previous[first] != none || next[first] == none) continue;
+    std::uint32_t last = first;
+    while (next[last] != none) last = next[last];
+    ends.insert(ends.end(), {last, first});
+  }
+  return ends;
+}
+
 }  // namespace
 
 Surface::Surface(const Grid& grid, std::size_t nodes, std::vector<std::uint32_t> connectivity)
     : grid_(grid),
       nodes_(nodes),
       connectivity_(std::move(connectivity)),
+      open_ends_(ends_of_open_lines(nodes, connectivity_)),
       positions_(2 * nodes),
       velocities_(2 * nodes) {
-  segments_.reserve(connectivity_.size());
+  segments_.reserve(connectivity_.size() + open_ends_.size());
+}
+
+// Ends on a side of the domain lie on its outermost nodes or half a spacing outside.
+bool Surface::lies_inside(std::uint32_t node) const {
+  const double x = positions_[2 * node];
+  const double y = positions_[2 * node + 1];
+  return x > 0.25 && y > 0.25 && x < grid_.nx - 1.25 && y < grid_.ny - 1.25;
+}
+
+void Surface::add_segment(std::uint32_t a, std::uint32_t b) {
+  const double ax = positions_[2 * a];
+  const double ay = positions_[2 * a + 1];
+  const double bx = positions_[2 * b];
+  const double by = positions_[2 * b + 1];
+  const Shifts in_x = shifts_into(grid_.periodic_x, grid_.nx, std::min(ax, bx), std::max(ax, bx));
+  const Shifts in_y = shifts_into(grid_.periodic_y, grid_.ny, std::min(ay, by), std::max(ay, by));
+  for (int ky = in_y.first; ky <= in_y.last; ++ky) {
+    for (int kx = in_x.first; kx <= in_x.last; ++kx) {
+      const double dx = kx * grid_.nx;
+      const double dy = ky * grid_.ny;
+      segments_.push_back({ax + dx, ay + dy, bx + dx, by + dy, a, b});
+    }
+  }
 }
 
 void Surface::place(std::span<const double> positions, std::span<const double> velocities,
@@ -43,23 +87,24 @@ void Surface::place(std::span<const double> positions, std::span<const double> v
     velocities_[2 * n + 1] = velocities[2 * n + 1] * velocity_scale;
   }
   segments_.clear();
-  for (std::size_t s = 0; s + 1 < connectivity_.size(); s += 2) {
-    const std::uint32_t a = connectivity_[s];
-    const std::uint32_t b = connectivity_[s + 1];
-    const double ax = positions_[2 * a];
-    const double ay = positions_[2 * a + 1];
-    const double bx = positions_[2 * b];
-    const double by = positions_[2 * b + 1];
-    const Shifts in_x = shifts_into(grid_.periodic_x, grid_.nx, std::min(ax, bx), std::max(ax, bx));
-    const Shifts in_y = shifts_into(grid_.periodic_y, grid_.ny, std::min(ay, by), std::max(ay, by));
-    for (int ky = in_y.first; ky <= in_y.last; ++ky) {
-      for (int kx = in_x.first; kx <= in_x.last; ++kx) {
-        const double dx = kx * grid_.nx;
-        const double dy = ky * grid_.ny;
-        segments_.push_back({ax + dx, ay + dy, bx + dx, by + dy, a, b});
-      }
-    }
+  for (std::size_t s = 0; s + 1 < connectivity_.size(); s += 2)
+    add_segment(connectivity_[s], connectivity_[s + 1]);
+  for (std::size_t e = 0; e + 1 < open_ends_.size(); e += 2) {
+    if (lies_inside(open_ends_[e]) && lies_inside(open_ends_[e + 1]))
+      add_segment(open_ends_[e], open_ends_[e + 1]);
   }
+}
+
+std::vector<Segment> Surface::inset_segments(double distance) const {
+  const std::vector<double> normals = node_normals();
+  std::vector<Segment> inset = segments_;
+  for (Segment& s : inset) {
+    s.ax -= distance * normals[2 * s.a];
+    s.ay -= distance * normals[2 * s.a + 1];
+    s.bx -= distance * normals[2 * s.b];
+    s.by -= distance * normals[2 * s.b + 1];
+  }
+  return inset;
 }
 
 std::vector<double> Surface::node_normals() const {

@@ -11,6 +11,9 @@
 
 namespace estuary::fluid {
 
+/// How far inside the wet surface a node may lie and still be fluid [spacings].
+constexpr double surface_inset = 1e-3;
+
 /// From node a to node b, in lattice coordinates; an image beyond a periodic side has the same node numbers.
 struct Segment {
   double ax = 0;
@@ -23,14 +26,21 @@ struct Segment {
 
 class Surface {
 public:
-  /// `connectivity` holds the two node numbers of each segment, all below `nodes`.
+  /// `connectivity` holds the two node numbers of each segment, all below `nodes`. A line whose two ends both
+  /// lie inside the domain (a bar fixed to an obstacle) is closed by a segment from its last node to its
+  /// first.
   Surface(const Grid& grid, std::size_t nodes, std::vector<std::uint32_t> connectivity);
 
   /// Takes positions [m] and velocities [m/s] of all nodes, two components each. `velocity_scale` is dt/dx.
   void place(std::span<const double> positions, std::span<const double> velocities, double velocity_scale);
 
+  /// The same segments with every node moved by `distance` [spacings] into the solid: what tells fluid from
+  /// solid nodes. Nodes on the surface, as an outline of round figures often has, then stay fluid when it
+  /// moves by less to either side; each change would be a jump of the load.
+  [[nodiscard]] std::vector<Segment> inset_segments(double distance) const;
+
   [[nodiscard]] std::size_t node_count() const { return nodes_; }
-  /// All segments near the grid, images beyond periodic sides included.
+  /// All segments near the grid, images beyond periodic sides and closing segments included.
   [[nodiscard]] const std::vector<Segment>& segments() const { return segments_; }
   /// In lattice coordinates and lattice units, two components per node.
   [[nodiscard]] const std::vector<double>& positions() const { return positions_; }
@@ -51,9 +61,13 @@ public:
   [[nodiscard]] Nearest nearest(double x, double y) const;
 
 private:
+  void add_segment(std::uint32_t a, std::uint32_t b);
+  [[nodiscard]] bool lies_inside(std::uint32_t node) const;
+
   Grid grid_;
   std::size_t nodes_;
   std::vector<std::uint32_t> connectivity_;
+  std::vector<std::uint32_t> open_ends_;  // last and first node of each line that is not closed
   std::vector<double> positions_;
   std::vector<double> velocities_;
   std::vector<Segment> segments_;

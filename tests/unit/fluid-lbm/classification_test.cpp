@@ -63,6 +63,22 @@ TEST(Classification, RandomClosedPolygons) {
   }
 }
 
+// A bar fixed to an obstacle brings only the part of its contour that is wet.
+TEST(Classification, LineWithBothEndsInsideIsClosed) {
+  std::mt19937 random(5);
+  const Grid grid{40, 30, 1, 0, 0, false, false};
+  for (int n = 0; n < 20; ++n) {
+    const auto points = random_star(random, 18.37, 14.61, 2, 13, 11 + n);
+    const Cells cells = classify(grid, line(points, false));
+    for (int y = 0; y < 30; ++y) {
+      for (int x = 0; x < 40; ++x) {
+        ASSERT_EQ(!cells.fluid(x, y), inside_polygon(points, x, y))
+            << "polygon " << n << " node " << x << ' ' << y;
+      }
+    }
+  }
+}
+
 TEST(Classification, OutlineEndingOnTheFloor) {
   std::mt19937 random(11);
   const Grid grid{50, 20, 1, 0, 0, false, false};

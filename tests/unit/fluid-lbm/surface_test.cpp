@@ -45,6 +45,31 @@ TEST(Surface, CouetteIsExactForAnyWallPosition) {
   }
 }
 
+// Round figures put outlines on nodes. There the smallest motion must not make them solid and fluid in turn.
+TEST(Surface, NodesOnTheSurfaceStayFluidWhenItMovesALittle) {
+  Flow flow(box(6, 14, 0.1, walls_along_x));
+  const Outline lid = ceiling(6, 11.0, 7);
+  std::vector<double> velocity = lid.at_rest();
+  for (std::size_t n = 0; n < lid.nodes(); ++n) velocity[2 * n] = 0.06;
+  flow.set_wet_surface(lid.nodes(), lid.connectivity);
+  for (const double height : {11.0, 11.0 + 4e-4, 11.0 - 4e-4, 11.0}) {
+    const bool first = flow.cells().fluid(3, 12);
+    const MoveCounts moved = flow.move_wet_surface(ceiling(6, height, 7).positions, velocity, 1.0);
+    if (!first) {
+      EXPECT_EQ(moved.covered + moved.uncovered, 0u) << height;
+    }
+    EXPECT_TRUE(flow.cells().fluid(3, 11)) << height;
+    EXPECT_EQ(flow.wet_links().counts().unresolved, 0u) << height;
+    flow.run(4500);
+    const Fields fields = fields_of(flow);
+    for (int y = 0; y <= 11; ++y) {
+      // A wall between two links' ends is at most half the motion off.
+      EXPECT_NEAR(fields.velocity_x[at(flow, 3, y)], 0.06 * (y + 0.5) / (height + 0.5), 0.06 * 4e-4 / 11)
+          << height << ' ' << y;
+    }
+  }
+}
+
 TEST(Surface, ClosedBodyInUniformPressureFeelsNothing) {
   for (const SideKind kind : {SideKind::periodic, SideKind::wall}) {
     auto settings = box(24, 20, 0.1, {kind, kind, kind, kind});
