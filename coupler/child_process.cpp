@@ -193,6 +193,13 @@ std::optional<std::string> ChildProcess::ended() {
   return ended_;
 }
 
+bool ChildProcess::stopped() const {
+  siginfo_t state{};
+  // WNOWAIT: only looked at, so that the next look finds the same.
+  return !ended_ && ::waitid(P_PID, static_cast<id_t>(process_), &state, WSTOPPED | WNOHANG | WNOWAIT) == 0 &&
+         state.si_pid == process_;
+}
+
 void ChildProcess::end(double seconds) {
   const auto deadline = steady_clock::now() + std::chrono::duration<double>(seconds);
   while (!ended() && steady_clock::now() < deadline) {

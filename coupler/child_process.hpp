@@ -35,6 +35,8 @@ public:
 
   /// How it ended ("killed by signal 9", "exit status 1"), or nothing while it runs.
   std::optional<std::string> ended();
+  /// A signal has stopped it (SIGSTOP, SIGTSTP) and none has let it go on.
+  [[nodiscard]] bool stopped() const;
   /// Waits up to `seconds` for its end, then kills the whole group.
   void end(double seconds);
   [[nodiscard]] pid_t process() const { return process_; }

@@ -9,6 +9,7 @@
 #include <cstring>
 #include <random>
 
+#include "elapsed.hpp"
 #include "failure.hpp"
 
 namespace estuary::coupler {
@@ -20,10 +21,8 @@ using std::chrono::steady_clock;
 constexpr std::chrono::milliseconds look_round{20};
 // A reply that has not come although the participant says it is idle was lost; ask again.
 constexpr double ask_again_after = 1.0;
-
-double seconds_since(steady_clock::time_point begin) {
-  return std::chrono::duration<double>(steady_clock::now() - begin).count();
-}
+// How long a process that runs on this machine may be silent.
+constexpr std::chrono::milliseconds starved_at_most{15000};
 
 std::string new_run_id() {
   std::random_device random;
@@ -167,7 +166,11 @@ void Participants::check_alive(RemoteParticipant& participant, const RemoteParti
   if (participant.child_) {
     if (const auto how = participant.child_->ended()) throw lost(*how);
   }
-  if (participant.last_heard_ && steady_clock::now() - *participant.last_heard_ > lost_after) {
+  if (!participant.last_heard_) return;
+  const auto silence = steady_clock::now() - *participant.last_heard_;
+  // A process of ours that is there and not stopped may merely have got no processor on a busy machine.
+  const bool may_be_starved = participant.child_ && !participant.child_->stopped();
+  if (silence > (may_be_starved ? starved_at_most : lost_after)) {
     throw lost(fmt::format("nothing heard from it for {:.1f} s", seconds_since(*participant.last_heard_)));
   }
 }

@@ -15,10 +15,11 @@
 namespace estuary {
 namespace {
 
-// Room for heartbeats to be late on a loaded machine; a lost local process is noticed at once by its closed
-// socket.
 constexpr int heartbeat_interval_ms = 300;
-constexpr int heartbeat_timeout_ms = 1500;
+// Between machines only heartbeats tell that the other one is gone. On one machine the end of a process
+// closes its socket, and a late heartbeat means that the machine is busy.
+constexpr int remote_heartbeat_timeout_ms = 1500;
+constexpr int local_heartbeat_timeout_ms = 15000;
 constexpr std::size_t longest_ipc_path = 107;  // sun_path
 
 zmq::context_t& context() {
@@ -26,11 +27,12 @@ zmq::context_t& context() {
   return shared;
 }
 
-void set_limits(zmq::socket_t& socket) {
+void set_limits(zmq::socket_t& socket, const std::string& endpoint) {
   socket.set(zmq::sockopt::linger, 500);
   socket.set(zmq::sockopt::maxmsgsize, maximum_message_bytes);
   socket.set(zmq::sockopt::heartbeat_ivl, heartbeat_interval_ms);
-  socket.set(zmq::sockopt::heartbeat_timeout, heartbeat_timeout_ms);
+  socket.set(zmq::sockopt::heartbeat_timeout,
+             is_local(endpoint) ? local_heartbeat_timeout_ms : remote_heartbeat_timeout_ms);
   socket.set(zmq::sockopt::sndtimeo, 2000);
 }
 
@@ -105,7 +107,7 @@ struct ClientChannel::Socket {
 ClientChannel::ClientChannel(const std::string& endpoint)
     : socket_(std::make_unique<Socket>()), endpoint_(endpoint) {
   check_endpoint(endpoint);
-  set_limits(socket_->socket);
+  set_limits(socket_->socket, endpoint);
   // A participant that is still starting binds a little later; try again often.
   socket_->socket.set(zmq::sockopt::reconnect_ivl, 10);
   socket_->socket.set(zmq::sockopt::reconnect_ivl_max, 200);
@@ -209,7 +211,7 @@ ServerChannel::ServerChannel(const std::string& endpoint, bool insecure)
       throw ChannelError(fmt::format("'{}' is in use by another participant", endpoint));
     }
   }
-  set_limits(socket_->socket);
+  set_limits(socket_->socket, endpoint);
   // Sending to a client that went away must fail: this is how a participant notices that the coupler is gone.
   socket_->socket.set(zmq::sockopt::router_mandatory, true);
   try {
