@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <cctype>
 #include <charconv>
+#include <iterator>
 #include <string_view>
 #include <utility>
 #include <vector>
@@ -72,6 +73,34 @@ std::size_t array_index(const toml::array& array, const std::string& part, std::
   return index;
 }
 
+// Removes the entries of the array of tables `name` for which `unwanted` holds.
+template <typename Predicate>
+void erase_tables(toml::table& root, std::string_view name, const Predicate& unwanted) {
+  auto* array = root.get_as<toml::array>(name);
+  if (array == nullptr) return;
+  for (auto entry = array->cbegin(); entry != array->cend();) {
+    const auto* table = entry->as_table();
+    entry = table != nullptr && unwanted(*table) ? array->erase(entry) : std::next(entry);
+  }
+  if (array->empty()) root.erase(name);
+}
+
+// A participant, what watches it and what checks those watches.
+void switch_off(toml::table& root, const std::string& participant) {
+  root.erase(participant);
+  std::vector<std::string> watches;
+  erase_tables(root, "watch", [&](const toml::table& watch) {
+    if (watch["participant"].value<std::string>() != participant) return false;
+    watches.push_back(watch["name"].value_or(std::string()) + ".");
+    return true;
+  });
+  erase_tables(root, "check", [&](const toml::table& check) {
+    const std::string quantity = check["quantity"].value_or(std::string());
+    return std::any_of(watches.begin(), watches.end(),
+                       [&](const std::string& watch) { return quantity.starts_with(watch); });
+  });
+}
+
 }  // namespace
 
 void apply_override(toml::table& root, const std::string& text) {
@@ -82,6 +111,10 @@ void apply_override(toml::table& root, const std::string& text) {
   const auto parts = key_parts(path);
   toml::table value = override_value(std::string_view(text).substr(equals + 1), text);
 
+  if (parts.size() == 1 && root[parts.front()].is_table() && value["value"].value<std::string>() == "off") {
+    switch_off(root, parts.front());
+    return;
+  }
   toml::node* at = &root;
   std::string walked;
   for (std::size_t i = 0; i < parts.size(); ++i) {

@@ -47,6 +47,34 @@ TEST(SceneOverride, TakesAddressesAndQuotesAsTheyAre) {
   EXPECT_THAT(scene.problems(), IsEmpty());
 }
 
+TEST(SceneOverride, SwitchesAParticipantOff) {
+  constexpr const char* three = R"([fluid]
+viscosity = 1e-3
+[solid]
+density = 1
+[[watch]]
+name = "flow"
+participant = "fluid"
+[[watch]]
+name = "tip"
+participant = "solid"
+[[check]]
+quantity = "flow.drag"
+[[check]]
+quantity = "tip.displacement"
+)";
+  auto scene = Scene::parse(three, "s.toml", {"fluid=off"});
+  auto root = scene.root();
+  EXPECT_FALSE(root.has("fluid"));
+  EXPECT_TRUE(root.has("solid"));
+  auto watches = root.tables("watch");
+  ASSERT_THAT(watches, SizeIs(1));
+  EXPECT_EQ(watches[0].text("name"), "tip");
+  auto checks = root.tables("check");
+  ASSERT_THAT(checks, SizeIs(1));
+  EXPECT_EQ(checks[0].text("quantity"), "tip.displacement");
+}
+
 TEST(SceneOverride, MakesMissingTables) {
   auto scene = with({"coupling.acceleration.kind=aitken", "coupling.tolerance=1e-5"});
   auto coupling = scene.root().table("coupling");
