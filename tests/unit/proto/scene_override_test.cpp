@@ -63,7 +63,7 @@ quantity = "flow.drag"
 [[check]]
 quantity = "tip.displacement"
 )";
-  auto scene = Scene::parse(three, "s.toml", {"fluid=off"});
+  auto scene = Scene::parse(three, "s.toml", std::vector<std::string>{"fluid=off"});
   auto root = scene.root();
   EXPECT_FALSE(root.has("fluid"));
   EXPECT_TRUE(root.has("solid"));
