@@ -177,25 +177,28 @@ void CouplingLoop::compute_window() {
     Interface x = predict();
     if (acceleration_) acceleration_->begin_window();
     if (convergence_) convergence_->begin_window();
+    bool used_up = false;  // the iterations allowed
     try {
       const bool agreed = iterate_window(x);
       const bool once = !scene_.implicit() || solid_ == nullptr;
-      if (!agreed && !once && scene_.at_maximum == AtMaximum::fail) {
-        finish_window("not converged", convergence_->relative(Field::displacement), seconds_since(begin));
+      used_up = !agreed && !once && scene_.at_maximum == AtMaximum::fail;
+      if (used_up) {
         throw RunFailure(
             ExitStatus::no_solution,
             fmt::format("the coupling did not converge: window {}, {} iterations, residual of the "
                         "displacement {:.3e}",
                         position_.window, position_.iteration, convergence_->relative(Field::displacement)),
-            "raise coupling.max_iterations, or try another coupling.relaxation or acceleration");
+            "raise coupling.max_iterations, or try another coupling.relaxation or acceleration", true);
       }
       accept_window(once ? "explicit" : agreed ? "converged" : "not converged", seconds_since(begin));
       return;
     } catch (const RunFailure& failure) {
       if (failure.status != ExitStatus::no_solution) throw;
       if (more_care(failure)) continue;
-      if (verdict_ == Verdict::diverged || verdict_ == Verdict::stalled) {
-        finish_window(verdict_ == Verdict::diverged ? "diverged" : "stalled",
+      if (used_up || verdict_ == Verdict::diverged || verdict_ == Verdict::stalled) {
+        finish_window(used_up                         ? "not converged"
+                      : verdict_ == Verdict::diverged ? "diverged"
+                                                      : "stalled",
                       convergence_->relative(Field::displacement), seconds_since(begin));
       }
       throw;
@@ -225,7 +228,9 @@ bool CouplingLoop::more_care(const RunFailure& failure) {
 
 bool CouplingLoop::iterate_window(Interface& x) {
   const bool once = !scene_.implicit() || solid_ == nullptr;
-  const auto limit = once ? std::uint64_t{1} : static_cast<std::uint64_t>(scene_.max_iterations);
+  // Each attempt at a window may use all iterations allowed.
+  const auto limit =
+      position_.iteration + (once ? std::uint64_t{1} : static_cast<std::uint64_t>(scene_.max_iterations));
   while (position_.iteration < limit) {
     ++position_.iteration;
     ++total_iterations_;

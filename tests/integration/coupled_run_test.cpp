@@ -189,6 +189,18 @@ TEST_F(CoupledRun, AWindowThatAParticipantGaveUpIsTriedAgain) {
   EXPECT_EQ(run(scene).status, 3);
 }
 
+TEST_F(CoupledRun, AWindowOutOfIterationsIsTriedAgain) {
+  const std::string transient =
+      "mode = \"transient\"\nwindow = 0.1\nend_time = 0.3\npredictor = \"none\"\n"
+      "acceleration = \"constant\"\nrelaxation = 1.0\nmax_iterations = 30\n";
+  // Contracts by 0.98 an iteration; with a fifth of the step by 0.6.
+  auto scene = write_scene("pressure = 3.0\nslope = -0.98", "stiffness = 1.0", transient);
+  EXPECT_EQ(run(scene).status, 0);
+  EXPECT_THAT(read(folder_ / "out" / "log" / "coupler.log"), HasSubstr("tried again with relaxation 0.2"));
+  scene = write_scene("pressure = 3.0\nslope = -0.98", "stiffness = 1.0", transient + "recover = false");
+  EXPECT_EQ(run(scene).status, 3);
+}
+
 TEST_F(CoupledRun, ASteadyLoadTooLargeForTheSolidIsBroughtOnInParts) {
   const auto scene = write_scene(
       "pressure = 3.0\nslope = -0.5", "stiffness = 1.0\nlargest_displacement = 1.8", "mode = \"steady\"",
