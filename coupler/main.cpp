@@ -47,10 +47,14 @@ std::optional<CheckedScene> checked_scene(const std::string& path,
   return checked;
 }
 
-int run(const std::string& path, std::string folder, const std::vector<std::string>& overrides) {
+int run(const std::string& path, std::string folder, const std::vector<std::string>& overrides, bool dry) {
   const auto checked = checked_scene(path, overrides);
   if (!checked) return exit_code(ExitStatus::wrong_scene);
   if (folder.empty()) folder = (std::filesystem::path("runs") / std::filesystem::path(path).stem()).string();
+  if (dry) {
+    fmt::print("{}", launch_text(*checked, folder));
+    return exit_code(ExitStatus::done);
+  }
   for (const auto& [role, configured] : checked->participants) {
     for (const auto& warning : configured.warnings()) fmt::print(stderr, "{}: warning: {}\n", role, warning);
   }
@@ -123,6 +127,8 @@ int main(int argc, char** argv) {
         ->allow_extra_args(false);
   }
   run_command->add_option("--out", folder, "Folder for what the run leaves behind; runs/<scene> by default");
+  bool dry = false;
+  run_command->add_flag("--dry-run", dry, "Check the scene, print what would be launched and end");
   auto* report_command = app.add_subcommand("report", "Make one HTML page of a finished run");
   report_command->add_option("folder", folder, "The run's folder")->required();
   auto* ping_command = app.add_subcommand("ping", "Ask a running participant who it is");
@@ -136,7 +142,7 @@ int main(int argc, char** argv) {
     return app.exit(error) == 0 ? 0 : exit_code(ExitStatus::wrong_scene);
   }
   try {
-    if (*run_command) return run(scene, folder, overrides);
+    if (*run_command) return run(scene, folder, overrides, dry);
     if (*check_command) return check(scene, overrides);
     if (*report_command) return report(folder);
     return ping(endpoint, timeout);

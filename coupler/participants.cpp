@@ -88,14 +88,20 @@ Participants::~Participants() {
   std::filesystem::remove_all(sockets_, ignored);
 }
 
+std::vector<std::string> launch_command(const CouplingScene& scene, const ParticipantScene& participant,
+                                        const std::string& endpoint, const std::filesystem::path& folder) {
+  std::vector<std::string> words = participant.command;
+  if (const auto program = find_program(words.front())) words.front() = program->string();
+  words.insert(words.end(), {"--bind", endpoint, "--folder", (folder / participant.role).string(),
+                             "--orphan-timeout", fmt::format("{}", scene.connect_timeout)});
+  if (participant.threads > 0) words.insert(words.end(), {"--threads", std::to_string(participant.threads)});
+  return words;
+}
+
 void Participants::launch(RemoteParticipant& participant, const std::string& endpoint,
                           const std::filesystem::path& folder) {
   const ParticipantScene& entry = participant.scene_;
-  std::vector<std::string> words = entry.command;
-  if (const auto program = find_program(words.front())) words.front() = program->string();
-  words.insert(words.end(), {"--bind", endpoint, "--folder", (folder / entry.role).string(),
-                             "--orphan-timeout", fmt::format("{}", scene_.connect_timeout)});
-  if (entry.threads > 0) words.insert(words.end(), {"--threads", std::to_string(entry.threads)});
+  const std::vector<std::string> words = launch_command(scene_, entry, endpoint, folder);
   spdlog::info("{}: launches {}", entry.role, fmt::join(words, " "));
   try {
     participant.child_ = std::make_unique<ChildProcess>(words, folder / "log" / (entry.role + ".log"));

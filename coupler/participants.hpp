@@ -30,6 +30,10 @@ struct Usage {
   double exchange_s = 0;  // of that, not spent computing by the participant's own clock
 };
 
+/// Program and arguments that start a participant of the scene, which writes below `folder`.
+std::vector<std::string> launch_command(const CouplingScene& scene, const ParticipantScene& participant,
+                                        const std::string& endpoint, const std::filesystem::path& folder);
+
 class RemoteParticipant {
 public:
   RemoteParticipant(ParticipantScene scene, const std::string& endpoint)

@@ -7,6 +7,7 @@
 #include <tuple>
 
 #include "child_process.hpp"
+#include "participants.hpp"
 
 namespace estuary::coupler {
 namespace {
@@ -190,6 +191,20 @@ std::string plan_text(const CheckedScene& checked) {
   text += "left out:\n";
   for (const auto& item : checked.left_out) text += fmt::format("  {}\n", item);
   return text;
+}
+
+std::string launch_text(const CheckedScene& checked, const std::filesystem::path& folder) {
+  std::string text;
+  for (const auto& participant : checked.coupling.participants) {
+    if (!participant.endpoint.empty()) {
+      text += fmt::format("{}: connect to {}\n", participant.role, participant.endpoint);
+      continue;
+    }
+    const auto words =
+        launch_command(checked.coupling, participant, "ipc://SOCKETS/" + participant.role, folder);
+    text += fmt::format("{}: {}\n", participant.role, fmt::join(words, " "));
+  }
+  return text + "SOCKETS is a new folder for each run\n";
 }
 
 }  // namespace estuary::coupler

@@ -1,6 +1,7 @@
 // Checks a scene completely without running it and says what a run would do.
 #pragma once
 
+#include <filesystem>
 #include <map>
 #include <string>
 #include <vector>
@@ -34,6 +35,9 @@ CheckedScene check_scene(SceneText given);
 
 /// What will run, with which derived numbers, and what is left out.
 std::string plan_text(const CheckedScene& checked);
+
+/// The command of every participant that a run into `folder` would launch.
+std::string launch_text(const CheckedScene& checked, const std::filesystem::path& folder);
 
 v1::Configure configure_message(const SceneText& given, const std::string& role);
 

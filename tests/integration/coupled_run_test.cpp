@@ -387,6 +387,18 @@ TEST_F(CoupledRun, CheckPrintsThePlanAndLaunchesNothing) {
   EXPECT_THAT(finished.output, HasSubstr("stiffness"));
 }
 
+TEST_F(CoupledRun, ADryRunPrintsTheCommandsAndLeavesNothing) {
+  const auto scene =
+      write_scene("pressure = 3.0\nslope = 0.5", "stiffness = 1.0\nthreads = 3", "mode = \"steady\"");
+  const auto out = folder_ / "out";
+  const Finished finished = run(scene, {"--dry-run"});
+  EXPECT_EQ(finished.status, 0) << finished.errors;
+  EXPECT_THAT(finished.output, HasSubstr("fluid: "));
+  EXPECT_THAT(finished.output, HasSubstr("--folder " + (out / "solid").string()));
+  EXPECT_THAT(finished.output, HasSubstr("--threads 3"));
+  EXPECT_FALSE(std::filesystem::exists(out));
+}
+
 TEST_F(CoupledRun, OverridesChangeTheSceneAndAreKept) {
   const auto scene = write_scene("pressure = 3.0\nslope = 0.6", "stiffness = 1.0", "mode = \"steady\"");
   const Finished finished = run(scene, {"--set", "fluid.pressure=6.0"});
