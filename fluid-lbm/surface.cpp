@@ -95,20 +95,26 @@ void Surface::place(std::span<const double> positions, std::span<const double> v
   }
 }
 
-std::vector<Segment> Surface::inset_segments(double distance) const {
-  const std::vector<double> normals = node_normals();
-  std::vector<Segment> inset = segments_;
-  for (Segment& s : inset) {
-    s.ax -= distance * normals[2 * s.a];
-    s.ay -= distance * normals[2 * s.a + 1];
-    s.bx -= distance * normals[2 * s.b];
-    s.by -= distance * normals[2 * s.b + 1];
+const std::vector<Segment>& Surface::inset_segments(double distance) {
+  find_normals(normals_);
+  inset_.assign(segments_.begin(), segments_.end());
+  for (Segment& s : inset_) {
+    s.ax -= distance * normals_[2 * s.a];
+    s.ay -= distance * normals_[2 * s.a + 1];
+    s.bx -= distance * normals_[2 * s.b];
+    s.by -= distance * normals_[2 * s.b + 1];
   }
-  return inset;
+  return inset_;
 }
 
 std::vector<double> Surface::node_normals() const {
-  std::vector<double> normals(2 * nodes_, 0.0);
+  std::vector<double> normals;
+  find_normals(normals);
+  return normals;
+}
+
+void Surface::find_normals(std::vector<double>& normals) const {
+  normals.assign(2 * nodes_, 0.0);
   for (std::size_t s = 0; s + 1 < connectivity_.size(); s += 2) {
     const std::uint32_t a = connectivity_[s];
     const std::uint32_t b = connectivity_[s + 1];
@@ -126,7 +132,6 @@ std::vector<double> Surface::node_normals() const {
       normals[2 * n + 1] /= length;
     }
   }
-  return normals;
 }
 
 Surface::Nearest Surface::nearest(double x, double y) const {

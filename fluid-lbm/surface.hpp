@@ -37,7 +37,8 @@ public:
   /// The same segments with every node moved by `distance` [spacings] into the solid: what tells fluid from
   /// solid nodes. Nodes on the surface, as an outline of round figures often has, then stay fluid when it
   /// moves by less to either side; each change would be a jump of the load.
-  [[nodiscard]] std::vector<Segment> inset_segments(double distance) const;
+  /// Valid until the next call.
+  const std::vector<Segment>& inset_segments(double distance);
 
   [[nodiscard]] std::size_t node_count() const { return nodes_; }
   /// All segments near the grid, images beyond periodic sides and closing segments included.
@@ -61,6 +62,7 @@ public:
   [[nodiscard]] Nearest nearest(double x, double y) const;
 
 private:
+  void find_normals(std::vector<double>& normals) const;
   void add_segment(std::uint32_t a, std::uint32_t b);
   [[nodiscard]] bool lies_inside(std::uint32_t node) const;
 
@@ -71,6 +73,8 @@ private:
   std::vector<double> positions_;
   std::vector<double> velocities_;
   std::vector<Segment> segments_;
+  std::vector<Segment> inset_;
+  std::vector<double> normals_;
 };
 
 /// Finds the nodes inside the solid, row by row, from the signed crossings of the surface with the rows: a
