@@ -3,11 +3,7 @@
 //   for each window
 //     x = predicted motion of the wet surface (parallel schemes: and the forces on it)
 //     repeat
-//       serial                                      parallel, all at once
-//         loads  = fluid(x, grains)                   loads  = fluid(x, grains)
-//         forces = nodal forces of the loads          grains = grains(x, last forces on grains)
-//         grains = grains(x, forces on grains)        H(x)   = solid(forces of x)
-//         H(x)   = solid(forces)                      forces = nodal forces of the loads
+//       H(x) = answer of the participants (partners.hpp)
 //       stop when H(x) and x agree (convergence.hpp)
 //       x = acceleration(x, H(x) - x)
 //
@@ -15,12 +11,8 @@
 // end; in steady mode each solver finds its equilibrium and there is one window. Explicit schemes do the body
 // once. What a scene has no participant for is left out of the body.
 //
-// The fluid always flows round the grains as they are at the window's start (with the velocities they have
-// then), and its forces move them through the window in as many steps as their contacts need: the scheme of
-// Cook, Noble & Williams (2004) and of most DEM-LBM codes. The window is then usually one fluid step.
-//
 // When an iteration diverges or stalls, or a participant finds no solution, the window is tried again with
-// care before the run is given up (`Care`).
+// care before the run is given up (`Care`), and then, where they allow it, with half the length.
 #pragma once
 
 #include <cstdint>
@@ -32,9 +24,10 @@
 #include "coupling_scene.hpp"
 #include "failure.hpp"
 #include "participants.hpp"
+#include "partners.hpp"
 #include "progress_bar.hpp"
 #include "run_record.hpp"
-#include "wet_motion.hpp"
+#include "window_clock.hpp"
 
 namespace estuary::coupler {
 
@@ -46,74 +39,48 @@ public:
   void run();
 
   [[nodiscard]] std::uint64_t total_iterations() const { return total_iterations_; }
-  /// How often a window had to be tried again with more care.
-  [[nodiscard]] std::uint64_t recoveries() const { return recoveries_; }
 
 private:
-  // What the participants tell each other at the wet surface.
-  struct Interface {
-    WetMotion motion;
-    std::vector<double> forces;  // nodes x dimension [N, N/m in 2D]
-  };
   // How carefully a window is iterated.
   enum class Care { normal, without_history, small_steps };
 
   void start();
-  void start_solid(v1::Exchange& for_others);
   void compute_window();
-  void compute_alone(RemoteParticipant& participant);
-  bool more_care(const RunFailure& failure);
+  void compute_alone();
+  // Tries a failed window again? With more care, then with half the length.
+  bool try_again(const RunFailure& failure);
+  void take_care(Care care);
   // Iterates until a verdict other than go_on; false when the iterations allowed were used up.
-  bool iterate_window(Interface& x);
-  void iterate(Interface& x);
-  Interface answer_in_turn(const Interface& x, IterationRow& row);
-  Interface answer_at_once(const Interface& x, IterationRow& row);
-  double ask_solid(const std::vector<double>& forces);
-  v1::Exchange for_fluid(const WetMotion& motion) const;
-  v1::Exchange for_grains(const WetMotion& motion) const;
-  v1::Exchange for_solid(const std::vector<double>& forces) const;
-  // Sum of what fluid and grains exert on the wet nodes.
-  std::vector<double> nodal_forces(const WetMotion& motion) const;
-  void describe(const Interface& x, const Interface& answer, IterationRow& row) const;
-  [[nodiscard]] Interface predict() const;
-  void accelerate(Interface& x, const Interface& answer);
+  bool iterate_window(InterfaceState& x);
+  void iterate(InterfaceState& x);
+  void judge(const InterfaceState& x, const InterfaceState& answer, IterationRow& row);
   void accept_window(const char* verdict, double wall_s);
-
-  v1::Request advance_request(v1::Exchange inputs) const;
-  v1::Advanced advance(RemoteParticipant& participant, v1::Exchange inputs);
-  v1::Advanced advanced_of(const RemoteParticipant& participant, v1::Reply reply) const;
-  void accept();
   void finish_window(const char* verdict, double residual, double wall_s);
   void write_frames(double time);
   void frames_if_due(std::uint64_t count, double time);
-  void record_watches(const v1::Advanced& advanced, double time);
-  void record_all_watches();
-  [[nodiscard]] double window_start() const;
-  [[nodiscard]] double window_end() const;
+  void record_watches(double time);
+  void record(const v1::WatchSample& sample, double time);
+  // The time that rows and watches of the window under way belong to; in steady mode the iteration.
+  [[nodiscard]] double time_of_window() const;
+  [[nodiscard]] bool steady() const { return scene_.mode == CouplingMode::steady; }
+  // True when the window is computed once.
+  [[nodiscard]] bool once() const { return !scene_.implicit() || !partners_.agree(); }
 
   const CouplingScene& scene_;
   Participants& participants_;
   RunRecord& record_;
   ProgressBar& bar_;
-  RemoteParticipant* fluid_;
-  RemoteParticipant* solid_;
-  RemoteParticipant* grains_;
+  Partners partners_;
+  WindowClock clock_;
   std::unique_ptr<Acceleration> acceleration_;
   std::unique_ptr<Convergence> convergence_;  // once the surface is known
-  v1::WetSurface surface_;
-  Interface accepted_;                    // at the start of the window
-  std::vector<double> earlier_velocity_;  // at the start of the window before
-  v1::GrainStates grain_states_;          // at the start of the window
-  std::vector<double> last_forces_;       // of the last iteration
-  IterationNorms norms_;                  // of the last iteration
-  v1::Advanced last_fluid_;               // for the watches, which are recorded once accepted
-  v1::Advanced last_grains_;
-  v1::Advanced last_solid_;
+  InterfaceHistory history_;
+  InterfaceState last_;               // the last answer
+  IterationNorms norms_;              // of the last iteration
   Verdict verdict_ = Verdict::go_on;  // of the last iteration
   Position position_;
   Care care_ = Care::normal;
   std::uint64_t total_iterations_ = 0;
-  std::uint64_t recoveries_ = 0;
   std::uint64_t frame_ = 0;
 };
 

@@ -1,0 +1,42 @@
+#include "interface_state.hpp"
+
+namespace estuary::coupler {
+
+InterfaceState predict(Predictor predictor, const InterfaceHistory& history, double duration) {
+  InterfaceState x = history.accepted;
+  if (predictor == Predictor::none) return x;
+  const bool quadratic = predictor == Predictor::quadratic && !history.earlier_velocity.empty();
+  for (std::size_t i = 0; i < x.motion.displacement.size(); ++i) {
+    const double velocity = history.accepted.motion.velocity[i];
+    const double change =  // of the velocity over the window
+        quadratic ? (velocity - history.earlier_velocity[i]) * (duration / history.earlier_duration) : 0.0;
+    x.motion.displacement[i] += duration * (velocity + 0.5 * change);
+    x.motion.velocity[i] += change;
+  }
+  return x;
+}
+
+void accelerate(Acceleration& acceleration, InterfaceState& x, const InterfaceState& answer, double duration,
+                bool moves, bool with_forces) {
+  std::vector<double> iterate;
+  std::vector<double> residual;
+  const auto take = [&](const std::vector<double>& from, const std::vector<double>& to, double scale) {
+    for (std::size_t i = 0; i < from.size(); ++i) {
+      iterate.push_back(scale * from[i]);
+      residual.push_back(scale * (to[i] - from[i]));
+    }
+  };
+  take(x.motion.displacement, answer.motion.displacement, 1.0);
+  if (moves) take(x.motion.velocity, answer.motion.velocity, duration);
+  if (with_forces) take(x.forces, answer.forces, 1.0);
+  acceleration.update(residual, iterate);
+  auto next = iterate.begin();
+  const auto give = [&](std::vector<double>& to, double scale) {
+    for (double& value : to) value = *next++ / scale;
+  };
+  give(x.motion.displacement, 1.0);
+  if (moves) give(x.motion.velocity, duration);
+  if (with_forces) give(x.forces, 1.0);
+}
+
+}  // namespace estuary::coupler
