@@ -7,13 +7,11 @@
 // total potential is minimised with a line search, and when that fails too, the load is applied in steps.
 #pragma once
 
-#include <Eigen/SparseCholesky>
-#include <Eigen/SparseCore>
-#include <Eigen/SparseLU>
 #include <cstdint>
 #include <vector>
 
 #include "solver.hpp"
+#include "sparse_solver.hpp"
 
 namespace estuary::solid {
 
@@ -60,6 +58,10 @@ private:
   void add_springs();
   bool factorise();
   void predict_stress(const std::vector<double>& change);
+  /// Row of the system of component c of a free particle.
+  [[nodiscard]] std::size_t row_of(std::size_t particle, std::size_t c) const {
+    return 2 * static_cast<std::size_t>(unknown_[particle]) + c;
+  }
   [[nodiscard]] std::int64_t block(std::size_t particle, std::size_t a, std::size_t b) const;
 
   Solver& solver_;
@@ -74,11 +76,9 @@ private:
   std::vector<double> shear_modulus_;  // at rest, of each particle; empty unless the pressure is split off
   std::vector<double> spring_values_;  // the constant part of the matrix
   std::vector<double> change_;         // of the last linear solve, all particles
-  Eigen::SparseMatrix<double> matrix_;
-  Eigen::SimplicialLDLT<Eigen::SparseMatrix<double>> symmetric_;
-  Eigen::SparseLU<Eigen::SparseMatrix<double>> general_;
-  Eigen::VectorXd right_hand_side_, solution_;
-  bool analysed_ = false;
+  SparseMatrix matrix_;
+  SparseSolver linear_;
+  std::vector<double> right_hand_side_, solution_;
 };
 
 }  // namespace estuary::solid

@@ -1,111 +1,111 @@
 #include "reproducing_weights.hpp"
 
-#include <Eigen/Dense>
+#include <cmath>
 #include <stdexcept>
+
+#include "least_norm.hpp"
 
 namespace estuary::solid {
 namespace {
 
-using Matrix = Eigen::MatrixXd;
-
-// Singular values below this share of the largest count as "the points cannot tell".
+// Singular values below this share of the moments count as "the points cannot tell".
 constexpr double kResolved = 1e-3;
+// Below this share of the largest, the points do not span what must be exact.
+constexpr double kSpanned = 1e-9;
 
-// Minimum-norm solution in the scaled unknowns: `exact` a = `exact_target` holds, `desired` a = 0 as far as
-// possible. Rows are moments, columns are points; the result has one column per column of `exact_target`.
+// One row of moments: a function of the offsets.
+template <class Function>
+std::vector<double> moment(std::span<const Offset> offsets, Function&& function) {
+  std::vector<double> row;
+  row.reserve(offsets.size());
+  for (const Offset& offset : offsets) row.push_back(function(offset));
+  return row;
+}
+
+Rows quadratic_moments(std::span<const Offset> offsets) {
+  return {moment(offsets, [](const Offset& o) { return o.x * o.x; }),
+          moment(offsets, [](const Offset& o) { return o.x * o.y; }),
+          moment(offsets, [](const Offset& o) { return o.y * o.y; })};
+}
+
+// Least-norm solution in the unknowns a_j / sqrt(w_j): `exact` a = target holds, `desired` a = 0 as far as
+// possible; one result per target.
 struct Solution {
-  Matrix weights;
+  Rows weights;
   bool complete = true;
 };
 
-Solution solve(const Matrix& exact, const Matrix& exact_target, const Matrix& desired,
-               std::span<const double> weights) {
-  const Eigen::Index points = exact.cols();
-  Eigen::VectorXd scale(points);
-  for (Eigen::Index j = 0; j < points; ++j) scale[j] = std::sqrt(weights[j]);
-  const Matrix scaled_exact = exact * scale.asDiagonal();
-  const Eigen::ColPivHouseholderQR<Matrix> qr(scaled_exact.transpose());
-  Eigen::ColPivHouseholderQR<Matrix> rank_revealing = qr;
-  rank_revealing.setThreshold(1e-9);
-  if (points < exact.rows() || rank_revealing.rank() < exact.rows())
+Solution solve(Rows exact, const Rows& targets, Rows desired, std::span<const double> weights) {
+  std::vector<double> scale;
+  for (const double w : weights) scale.push_back(std::sqrt(w));
+  const auto in_scaled_unknowns = [&](Rows& rows) {
+    for (auto& row : rows)
+      for (std::size_t j = 0; j < row.size(); ++j) row[j] *= scale[j];
+  };
+  in_scaled_unknowns(exact);
+  in_scaled_unknowns(desired);
+  const std::size_t points = scale.size(), conditions = exact.size();
+  const LeastNorm held(std::move(exact));
+  if (points < conditions || held.rank(kSpanned * held.largest()) < conditions)
     throw std::domain_error("neighbouring particles do not span the plane");
-  const Eigen::CompleteOrthogonalDecomposition<Matrix> decomposition(scaled_exact);
-  Matrix y = decomposition.solve(exact_target);
   Solution solution;
-  if (desired.rows() > 0) {
-    const Eigen::Index free = points - exact.rows();
-    if (free > 0) {
-      const Matrix q = qr.householderQ() * Matrix::Identity(points, points);
-      const Matrix null_space = q.rightCols(free);
-      const Matrix scaled_desired = desired * scale.asDiagonal();
-      Eigen::JacobiSVD<Matrix> svd(scaled_desired * null_space, Eigen::ComputeThinU | Eigen::ComputeThinV);
-      // Compared with the moments themselves, not with each other: one that vanishes on the null space is not
-      // resolved.
-      const double largest = scaled_desired.norm();
-      const Matrix gap = scaled_desired * y;
-      Matrix z = Matrix::Zero(free, y.cols());
-      Eigen::Index resolved = 0;
-      for (Eigen::Index k = 0; k < svd.singularValues().size(); ++k) {
-        if (svd.singularValues()[k] < kResolved * largest) continue;
-        ++resolved;
-        z -= svd.matrixV().col(k) * (svd.matrixU().col(k).transpose() * gap) / svd.singularValues()[k];
-      }
-      y += null_space * z;
-      solution.complete = resolved == desired.rows();
-    } else {
-      solution.complete = false;
+  for (const auto& target : targets) solution.weights.push_back(held.solve(target, 0));
+  if (!desired.empty()) {
+    // Compared with the moments themselves, not with each other: one that vanishes where `exact` leaves
+    // freedom is not resolved.
+    double size = 0;
+    for (const auto& row : desired) size += dot(row, row);
+    const double smallest = kResolved * std::sqrt(size);
+    Rows rest = desired;
+    for (auto& row : rest) held.project_out(row);
+    const LeastNorm free(std::move(rest));
+    for (auto& y : solution.weights) {
+      std::vector<double> gap;
+      for (const auto& row : desired) gap.push_back(-dot(row, y));
+      const std::vector<double> change = free.solve(gap, smallest);
+      for (std::size_t j = 0; j < points; ++j) y[j] += change[j];
     }
+    solution.complete = points > conditions && free.rank(smallest) == desired.size();
   }
-  solution.weights = scale.asDiagonal() * y;
+  for (auto& y : solution.weights)
+    for (std::size_t j = 0; j < points; ++j) y[j] *= scale[j];
   return solution;
-}
-
-Matrix quadratic_moments(std::span<const Offset> offsets, Order order) {
-  if (order == Order::linear) return Matrix(0, static_cast<Eigen::Index>(offsets.size()));
-  Matrix m(3, offsets.size());
-  for (std::size_t j = 0; j < offsets.size(); ++j)
-    m.col(j) << offsets[j].x * offsets[j].x, offsets[j].x * offsets[j].y, offsets[j].y * offsets[j].y;
-  return m;
 }
 
 }  // namespace
 
 std::vector<double> value_weights(std::span<const Offset> offsets, std::span<const double> weights,
                                   Curvature curvature, Offset tangent) {
-  Matrix exact(3, offsets.size());
-  for (std::size_t j = 0; j < offsets.size(); ++j) exact.col(j) << 1, offsets[j].x, offsets[j].y;
-  Matrix target = Matrix::Zero(3, 1);
-  target(0, 0) = 1;
-  Matrix desired = quadratic_moments(offsets, curvature == Curvature::all ? Order::quadratic : Order::linear);
-  if (curvature == Curvature::tangential) {
-    desired.resize(1, offsets.size());
-    for (std::size_t j = 0; j < offsets.size(); ++j)
-      desired(0, j) = std::pow(offsets[j].x * tangent.x + offsets[j].y * tangent.y, 2);
-  }
-  const Solution solution = solve(exact, target, desired, weights);
-  return {solution.weights.data(), solution.weights.data() + solution.weights.rows()};
+  Rows desired;
+  if (curvature == Curvature::all) desired = quadratic_moments(offsets);
+  if (curvature == Curvature::tangential)
+    desired.push_back(
+        moment(offsets, [&](const Offset& o) { return std::pow(o.x * tangent.x + o.y * tangent.y, 2); }));
+  return solve({moment(offsets, [](const Offset&) { return 1.0; }),
+                moment(offsets, [](const Offset& o) { return o.x; }),
+                moment(offsets, [](const Offset& o) { return o.y; })},
+               {{1, 0, 0}}, std::move(desired), weights)
+      .weights.front();
 }
 
 std::vector<double> value_weights_on_line(std::span<const Offset> offsets, std::span<const double> weights,
                                           Offset tangent) {
-  Matrix exact(2, offsets.size());
-  for (std::size_t j = 0; j < offsets.size(); ++j)
-    exact.col(j) << 1, offsets[j].x * tangent.x + offsets[j].y * tangent.y;
-  Matrix target = Matrix::Zero(2, 1);
-  target(0, 0) = 1;
-  const Solution solution = solve(exact, target, quadratic_moments(offsets, Order::linear), weights);
-  return {solution.weights.data(), solution.weights.data() + solution.weights.rows()};
+  return solve({moment(offsets, [](const Offset&) { return 1.0; }),
+                moment(offsets, [&](const Offset& o) { return o.x * tangent.x + o.y * tangent.y; })},
+               {{1, 0}}, {}, weights)
+      .weights.front();
 }
 
 GradientWeights gradient_weights(std::span<const Offset> offsets, std::span<const double> weights,
                                  Order order) {
-  Matrix exact(2, offsets.size());
-  for (std::size_t j = 0; j < offsets.size(); ++j) exact.col(j) << offsets[j].x, offsets[j].y;
-  const Solution solution = solve(exact, Matrix::Identity(2, 2), quadratic_moments(offsets, order), weights);
+  const Solution solution =
+      solve({moment(offsets, [](const Offset& o) { return o.x; }),
+             moment(offsets, [](const Offset& o) { return o.y; })},
+            {{1, 0}, {0, 1}}, order == Order::linear ? Rows{} : quadratic_moments(offsets), weights);
   GradientWeights result;
   result.complete = solution.complete;
-  for (Eigen::Index j = 0; j < solution.weights.rows(); ++j)
-    result.weights.push_back({solution.weights(j, 0), solution.weights(j, 1)});
+  for (std::size_t j = 0; j < offsets.size(); ++j)
+    result.weights.push_back({solution.weights[0][j], solution.weights[1][j]});
   return result;
 }
 

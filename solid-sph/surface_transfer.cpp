@@ -1,6 +1,5 @@
 #include "surface_transfer.hpp"
 
-#include <Eigen/Dense>
 #include <algorithm>
 #include <cmath>
 #include <numbers>
@@ -9,6 +8,7 @@
 #include <utility>
 
 #include "kernel_function.hpp"
+#include "least_norm.hpp"
 
 namespace estuary::solid {
 namespace {
@@ -109,11 +109,11 @@ std::vector<Entry> point_row(const Body& body, const ReferenceSearch& search, co
   return {};
 }
 
-using Rows = std::vector<std::vector<Entry>>;
+using EntryRows = std::vector<std::vector<Entry>>;
 
-Rows point_rows(const Body& body, std::span<const Point> places) {
+EntryRows point_rows(const Body& body, std::span<const Point> places) {
   const ReferenceSearch search(body, kReach * body.mean_spacing());
-  Rows rows;
+  EntryRows rows;
   for (const Point& place : places) rows.push_back(point_row(body, search, place));
   return rows;
 }
@@ -123,29 +123,27 @@ Rows point_rows(const Body& body, std::span<const Point> places) {
 template <class At>
 void keep_linear(std::vector<double>& share, std::span<const Point> places, const At& at, std::ptrdiff_t k,
                  double spacing) {
-  const auto count = static_cast<Eigen::Index>(share.size());
   const auto reach = static_cast<std::ptrdiff_t>(share.size() / 2);
-  Eigen::MatrixXd moments(3, count);
-  for (Eigen::Index column = 0; column < count; ++column) {
-    const Point& place = places[at(k + column - reach)];
-    moments.col(column) << 1, (place.x - places[at(k)].x) / spacing, (place.y - places[at(k)].y) / spacing;
+  Rows moments(3);
+  for (std::ptrdiff_t offset = -reach; offset <= reach; ++offset) {
+    const Point &place = places[at(k + offset)], &here = places[at(k)];
+    moments[0].push_back(1);
+    moments[1].push_back((place.x - here.x) / spacing);
+    moments[2].push_back((place.y - here.y) / spacing);
   }
-  const Eigen::Map<Eigen::VectorXd> shares(share.data(), count);
-  Eigen::VectorXd gap = -(moments * shares);
-  gap[0] += 1;
-  if (gap.norm() < 1e-14) return;
-  Eigen::CompleteOrthogonalDecomposition<Eigen::MatrixXd> decomposition;
-  decomposition.setThreshold(1e-10);
-  const Eigen::VectorXd change = decomposition.compute(moments).solve(gap);
-  for (Eigen::Index column = 0; column < count; ++column)
-    share[static_cast<std::size_t>(column)] += change[column];
+  const std::vector<double> gap{1 - dot(moments[0], share), -dot(moments[1], share), -dot(moments[2], share)};
+  if (dot(gap, gap) < 1e-28) return;
+  const LeastNorm conditions(std::move(moments));
+  const std::vector<double> change = conditions.solve(gap, 1e-10 * conditions.largest());
+  for (std::size_t column = 0; column < share.size(); ++column) share[column] += change[column];
 }
 
 // Combines the rows of neighbouring contour nodes so that a sawtooth along the contour, which the solid
 // carries with little stiffness and the other side cannot resolve, is neither seen nor loaded. On straight
 // stretches of even spacing cubic fields pass unchanged (the five-point filter of Shapiro 1970); next to
 // corners, ends and clamps linear ones do.
-Rows without_sawtooth(const Body& body, const Rows& rows, std::span<const Point> places, bool closed) {
+EntryRows without_sawtooth(const Body& body, const EntryRows& rows, std::span<const Point> places,
+                           bool closed) {
   const bool periodic = body.box.periodic;
   const auto n = static_cast<std::ptrdiff_t>(rows.size());
   const bool wraps = closed || periodic;
@@ -158,7 +156,7 @@ Rows without_sawtooth(const Body& body, const Rows& rows, std::span<const Point>
     const Point& place = places[at(k)];
     return place.held == 0 && place.curvature == Curvature::tangential;
   };
-  Rows result;
+  EntryRows result;
   for (std::ptrdiff_t k = 0; k < n; ++k) {
     std::vector<double> share{1.0};
     if (smooth(k)) {
@@ -186,7 +184,7 @@ Rows without_sawtooth(const Body& body, const Rows& rows, std::span<const Point>
   return result;
 }
 
-Transfer assemble(const Rows& rows) {
+Transfer assemble(const EntryRows& rows) {
   Transfer transfer;
   transfer.first.push_back(0);
   for (const auto& row : rows)
@@ -275,7 +273,7 @@ std::vector<ContourLine> free_contours(const Body& body) {
 }
 
 Transfer contour_transfer(const Body& body, std::span<const ContourLine> lines) {
-  Rows rows;
+  EntryRows rows;
   for (const ContourLine& line : lines) {
     const std::size_t n = line.size();
     std::vector<Point> places;
@@ -295,7 +293,7 @@ Transfer contour_transfer(const Body& body, std::span<const ContourLine> lines) 
       place.curvature = corner || end ? Curvature::none : Curvature::tangential;
       places.push_back(place);
     }
-    Rows own = point_rows(body, places);
+    EntryRows own = point_rows(body, places);
     // A rigid contour has no sawtooth.
     if (body.box.placement == Placement::on_contour && !body.carried(own.front().front().particle))
       own = without_sawtooth(body, own, places, line.closed);
