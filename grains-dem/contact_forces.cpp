@@ -1,6 +1,7 @@
 #include "contact_forces.hpp"
 
 #include <algorithm>
+#include <cmath>
 #include <stdexcept>
 
 #include "pair_sweep.hpp"
@@ -25,24 +26,51 @@ LawFunctions<D> law_functions(const LawChoice& choice) {
 
 namespace {
 
-// False when they do not touch.
 template <int D>
-bool wall_kinematics(const Wall<D>& wall, const WallContact& contact, const State<D>& state,
-                     ContactKinematics<D>& k, NearestPoint<D>& nearest) {
-  const std::size_t i = contact.grain;
+WallTouch<D> touch_plane(const Wall<D>& wall, const Vector<D>& x, double r) {
+  return {-1.0 * wall.normal, r - dot(x - wall.point, wall.normal), wall.velocity, 0};
+}
+
+template <int D>
+ContactKinematics<D> wall_kinematics(const WallTouch<D>& touch, const State<D>& state, std::size_t i) {
   const double r = state.radius[i];
-  nearest = nearest_point(wall, contact.element, load<D>(state.position.data(), i));
-  if (!nearest.near || nearest.distance >= r) return false;
-  // A grain whose centre is a radius behind a thin wall belongs to its other side.
-  if (!wall.is_plane() && nearest.distance <= -r) return false;
-  k.normal = nearest.normal;
-  k.overlap = r - nearest.distance;
+  ContactKinematics<D> k;
+  k.normal = touch.normal;
+  k.overlap = touch.overlap;
   k.spin = load<spin_components<D>>(state.spin.data(), i);
-  split_velocity(k, nearest.velocity - load<D>(state.velocity.data(), i), (r - k.overlap) * k.spin);
+  split_velocity(k, touch.velocity - load<D>(state.velocity.data(), i), (r - k.overlap) * k.spin);
   k.radius_sum = 2 * r;
   k.reduced_radius = r;
   k.root_mass = std::sqrt(1 / state.inverse_mass[i]);
-  return true;
+  return k;
+}
+
+template <int D>
+std::size_t wall_memory(const State<D>& state) {
+  return state.wall_contact.empty() ? 0 : (state.wall_history.size() - 8) / state.wall_contact.size();
+}
+
+std::array<std::uint32_t, kWallContacts> known_elements(const State<2>& state, std::size_t n) {
+  std::array<std::uint32_t, kWallContacts> elements{};
+  for (std::size_t k = 0; k < kWallContacts; ++k) elements[k] = state.wall_contact[n + k].element;
+  return elements;
+}
+
+std::span<const std::uint32_t> near_segments(const State<2>& state, std::size_t n) {
+  const WallContact& contact = state.wall_contact[n];
+  return {state.wall_segment.data() + contact.near_begin, contact.near_end - contact.near_begin};
+}
+
+// What the contacts of one polyline remember goes with the pieces; of two that became one it is added.
+void carry_history(const PolylineTouches& touches, std::size_t memory, double* history) {
+  for (std::size_t k = 0; k < kWallContacts; ++k) {
+    const std::size_t now = touches.now[k];
+    if (now == k) continue;
+    for (std::size_t h = 0; h < memory; ++h) {
+      if (now < kWallContacts) history[memory * now + h] += history[memory * k + h];
+      history[memory * k + h] = 0;
+    }
+  }
 }
 
 }  // namespace
@@ -51,26 +79,51 @@ template <int D>
 void sweep_walls(const LawFunctions<D>& law, double dt, const std::vector<Wall<D>>& walls, std::size_t block,
                  const std::vector<std::uint32_t>& first_contact, State<D>& state,
                  std::vector<Vector<D>>& wall_force, EnergyLedger& ledger) {
-  const std::size_t memory =
-      (state.wall_history.size() - 8) / std::max<std::size_t>(1, state.wall_contact.size());
-  for (std::size_t n = first_contact[block]; n < first_contact[block + 1]; ++n) {
-    const WallContact& contact = state.wall_contact[n];
-    const Wall<D>& wall = walls[contact.wall];
-    ContactKinematics<D> k;
-    NearestPoint<D> nearest;
+  const std::size_t memory = wall_memory(state);
+  const auto push = [&](std::size_t n, const WallTouch<D>& touch) {
+    WallContact& contact = state.wall_contact[n];
     double* history = state.wall_history.data() + memory * n;
     wall_force[n] = {};
-    if (!wall_kinematics(wall, contact, state, k, nearest)) {
+    contact.element = touch.overlap > 0 ? touch.element : kNoElement;
+    if (!(touch.overlap > 0)) {
       std::fill_n(history, memory, 0.0);
-      continue;
+      return;
     }
-    const ContactForce<D> f = law.contact(wall.constants, k, dt, history, ledger);
+    const ContactKinematics<D> k = wall_kinematics(touch, state, contact.grain);
+    const ContactForce<D> f = law.contact(walls[contact.wall].constants, k, dt, history, ledger);
     const Vector<D> force = f.vector(k.normal);
-    ledger.given += dot(force, nearest.velocity) * dt;
+    ledger.given += dot(force, touch.velocity) * dt;
     add(state.force.data(), contact.grain, force);
     add(state.torque.data(), contact.grain,
         (state.radius[contact.grain] - k.overlap) * f.torque(k.normal) + f.moment);
     wall_force[n] = -1.0 * force;
+  };
+  for (std::size_t n = first_contact[block]; n < first_contact[block + 1];) {
+    const std::size_t i = state.wall_contact[n].grain;
+    const Wall<D>& wall = walls[state.wall_contact[n].wall];
+    const Vector<D> x = load<D>(state.position.data(), i);
+    if constexpr (D == 2) {
+      if (!wall.is_plane()) {
+        const PolylineTouches touches =
+            find_touches(wall, near_segments(state, n), x, state.radius[i], known_elements(state, n));
+        carry_history(touches, memory, state.wall_history.data() + memory * n);
+        for (const WallTouch<2>& touch : touches.slot) push(n++, touch);
+        continue;
+      }
+    }
+    push(n++, touch_plane(wall, x, state.radius[i]));
+  }
+}
+
+void add_node_forces(const std::vector<Wall<2>>& walls, const State<2>& state,
+                     const std::vector<Vector<2>>& wall_force, double dt,
+                     std::vector<std::vector<double>>& node_force) {
+  for (std::size_t n = 0; n < state.wall_contact.size(); ++n) {
+    const WallContact& contact = state.wall_contact[n];
+    if (contact.element == kNoElement || walls[contact.wall].is_plane()) continue;
+    share_between_nodes(walls[contact.wall], near_segments(state, n),
+                        load<2>(state.position.data(), contact.grain), state.radius[contact.grain],
+                        contact.element, dt * wall_force[n], node_force[contact.wall]);
   }
 }
 
@@ -82,11 +135,11 @@ std::vector<ContactRecord<D>> measure_contacts(const LawFunctions<D>& law, const
   std::array<double, 8> history{};
   const std::size_t pairs = state.partner.size();
   const std::size_t memory = pairs == 0 ? 0 : (state.history.size() - 8) / pairs;
-  const auto measure = [&](ContactRecord<D>& record, const ContactConstants& constants,
-                           const double* remembered, std::size_t count) {
-    std::copy_n(remembered, count, history.begin());
+  const auto measure = [&](ContactRecord<D>& record, const ContactConstants& constants, const double* stored,
+                           std::size_t count) {
+    std::copy_n(stored, count, history.begin());
     record.force = law.contact(constants, record.kinematics, 0.0, history.data(), unused);
-    record.energy = law.stored_energy(constants, record.kinematics, remembered);
+    record.energy = law.stored_energy(constants, record.kinematics, stored);
     records.push_back(record);
   };
   for (std::size_t i = 0; i < state.size(); ++i)
@@ -103,18 +156,31 @@ std::vector<ContactRecord<D>> measure_contacts(const LawFunctions<D>& law, const
           pair_kinematics(state, i, j, (1 / distance) * record.branch, distance, state.root_mass[k]);
       measure(record, input.constants, state.history.data() + memory * k, memory);
     }
-  const std::size_t wall_memory =
-      state.wall_contact.empty() ? 0 : (state.wall_history.size() - 8) / state.wall_contact.size();
-  for (std::size_t n = 0; n < state.wall_contact.size(); ++n) {
+  const std::size_t remembered = wall_memory(state);
+  const auto note = [&](std::size_t n, const WallTouch<D>& touch) {
+    if (!(touch.overlap > 0)) return;
     const WallContact& contact = state.wall_contact[n];
     ContactRecord<D> record;
-    NearestPoint<D> nearest;
-    if (!wall_kinematics(walls[contact.wall], contact, state, record.kinematics, nearest)) continue;
+    record.kinematics = wall_kinematics(touch, state, contact.grain);
     record.i = contact.grain;
     record.j = contact.wall;
     record.with_wall = true;
-    record.branch = nearest.distance * nearest.normal;
-    measure(record, walls[contact.wall].constants, state.wall_history.data() + wall_memory * n, wall_memory);
+    record.branch = (state.radius[contact.grain] - touch.overlap) * touch.normal;
+    measure(record, walls[contact.wall].constants, state.wall_history.data() + remembered * n, remembered);
+  };
+  for (std::size_t n = 0; n < state.wall_contact.size();) {
+    const std::size_t i = state.wall_contact[n].grain;
+    const Wall<D>& wall = walls[state.wall_contact[n].wall];
+    const Vector<D> x = load<D>(state.position.data(), i);
+    if constexpr (D == 2) {
+      if (!wall.is_plane()) {
+        const PolylineTouches touches =
+            find_touches(wall, near_segments(state, n), x, state.radius[i], known_elements(state, n));
+        for (const WallTouch<2>& touch : touches.slot) note(n++, touch);
+        continue;
+      }
+    }
+    note(n++, touch_plane(wall, x, state.radius[i]));
   }
   return records;
 }

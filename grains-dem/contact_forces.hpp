@@ -68,11 +68,17 @@ inline ContactKinematics<D> pair_kinematics(const State<D>& state, std::size_t i
 }
 
 /// Forces of walls on the grains of one block; `wall_force` (one entry per wall contact) receives the force
-/// on the wall, for the whole wall and for the nodes of polylines.
+/// on the wall.
 template <int D>
 void sweep_walls(const LawFunctions<D>& law, double dt, const std::vector<Wall<D>>& walls, std::size_t block,
                  const std::vector<std::uint32_t>& first_contact, State<D>& state,
                  std::vector<Vector<D>>& wall_force, EnergyLedger& ledger);
+
+/// Divides the forces on polylines (one per wall contact) between their nodes: adds force times `dt` to
+/// `node_force`, per wall 2 per node. In the order of the contacts, whatever the number of threads.
+void add_node_forces(const std::vector<Wall<2>>& walls, const State<2>& state,
+                     const std::vector<Vector<2>>& wall_force, double dt,
+                     std::vector<std::vector<double>>& node_force);
 
 /// All touching contacts as they are, in the order of the lists.
 template <int D>

@@ -60,6 +60,7 @@ Dynamics<D>::Dynamics(DynamicsSettings<D> settings, const InitialGrains<D>& grai
   state_.wall_travel.assign(d * walls_.size(), 0.0);
   for (Wall<D>& wall : walls_) {
     wall.node_velocity.assign(wall.node.size(), 0.0);
+    link_nodes(wall);
     wall_target_.emplace_back();
     node_force_.emplace_back(wall.node.size(), 0.0);
   }
@@ -134,7 +135,7 @@ template <int D>
 void Dynamics<D>::rebuild() {
   check_finite();
   rebuild_list(settings_.domain, list_, state_, origin_);
-  rebuild_wall_contacts(settings_.domain, walls_, list_, origin_, state_);
+  rebuild_wall_contacts(walls_, list_, origin_, state_);
   renumber(bonds_, origin_);
   for (auto* derivatives : {&gear_position_, &gear_angle_})
     for (auto& values : *derivatives) {
@@ -293,24 +294,7 @@ void Dynamics<D>::advance_verlet(double dt, std::uint64_t steps, const StepMonit
     if (!walls_.empty()) move_walls(dt);
     rebuild_if_due(displacement);
     evaluate(dt);
-    for (std::size_t n = 0; n < state_.wall_contact.size(); ++n) {
-      const WallContact& contact = state_.wall_contact[n];
-      if (node_force_[contact.wall].empty()) continue;
-      if constexpr (D == 2) {
-        const Wall<2>& wall = walls_[contact.wall];
-        const Vector<2> force = (dt)*wall_force_[n];
-        if (dot(force, force) == 0) continue;
-        std::vector<double>& node_force = node_force_[contact.wall];
-        if (contact.element >= wall.segments()) {
-          add(node_force.data(), contact.element - wall.segments(), force);
-          continue;
-        }
-        const auto nearest =
-            nearest_point(wall, contact.element, load<2>(state_.position.data(), contact.grain));
-        add(node_force.data(), wall.segment[2 * contact.element], (1 - nearest.share) * force);
-        add(node_force.data(), wall.segment[2 * contact.element + 1], nearest.share * force);
-      }
-    }
+    if constexpr (D == 2) add_node_forces(walls_, state_, wall_force_, dt, node_force_);
     if (monitor) monitor(step + 1);
   }
   update(0.5 * dt, 0.0, true, 0.0);
@@ -424,6 +408,7 @@ void Dynamics<D>::advance_gear(double dt, std::uint64_t steps, const StepMonitor
       for (std::size_t k = 0; k < s * n; ++k)
         correct(nullptr, state_.spin[k], gear_angle_, k, state_.torque[k] * state_.inverse_inertia[k / s]);
     }
+    if constexpr (D == 2) add_node_forces(walls_, state_, wall_force_, dt, node_force_);
     if (monitor) monitor(step + 1);
   }
 }
