@@ -43,72 +43,101 @@ struct CollisionParameters {
   ViscosityLaw law;
 };
 
-/// 1/rho where the equilibrium has it.
+/// 1/rho and rho where the equilibrium has them.
 struct Incompressible {
-  static constexpr const char* name = "incompressible";
-  [[gnu::always_inline]] static double inverse_density(double) { return 1.0; }
-  [[gnu::always_inline]] static double density(double) { return 1.0; }
+  template <class Value>
+  [[gnu::always_inline]] static Value inverse_density(const Value&) {
+    return Value{} + 1;
+  }
+  template <class Value>
+  [[gnu::always_inline]] static Value density(const Value&) {
+    return Value{} + 1;
+  }
 };
 struct Compressible {
-  static constexpr const char* name = "compressible";
-  [[gnu::always_inline]] static double inverse_density(double excess) { return 1.0 / (1.0 + excess); }
-  [[gnu::always_inline]] static double density(double excess) { return 1.0 + excess; }
+  template <class Value>
+  [[gnu::always_inline]] static Value inverse_density(const Value& excess) {
+    return 1 / (1 + excess);
+  }
+  template <class Value>
+  [[gnu::always_inline]] static Value density(const Value& excess) {
+    return 1 + excess;
+  }
 };
 
-/// Density excess rho' and momentum of one node.
-struct Moments {
-  double excess = 0;
-  double momentum_x = 0;
-  double momentum_y = 0;
-  double momentum_z = 0;  // three dimensions only
+/// Density excess rho' and momentum of one node, or of several at a time (lanes.hpp).
+template <class Value>
+struct MomentsOf {
+  Value excess{};
+  Value momentum_x{};
+  Value momentum_y{};
+  Value momentum_z{};  // three dimensions only
 };
+using Moments = MomentsOf<double>;
 
-template <class Lattice>
-[[gnu::always_inline]] inline Moments moments_of(const std::array<double, Lattice::count>& f) {
-  Moments m;
-  unrolled<Lattice::count>([&](auto index) __attribute__((always_inline)) {
-    constexpr auto i = static_cast<std::size_t>(index());
+/// From sums and differences of opposite populations, which the collision needs as well.
+template <class Lattice, class Value>
+[[gnu::always_inline]] inline MomentsOf<Value> moments_of(const std::array<Value, Lattice::count>& f) {
+  MomentsOf<Value> m;
+  unrolled<static_cast<int>(Lattice::half.size())>([&](auto index) __attribute__((always_inline)) {
+    constexpr auto n = static_cast<std::size_t>(index());
+    constexpr auto i = static_cast<std::size_t>(Lattice::half[n]);
+    constexpr auto o = static_cast<std::size_t>(Lattice::opposite[i]);
     constexpr auto c = Lattice::velocity[i];
-    m.excess += f[i];
-    if constexpr (c[0] == 1) m.momentum_x += f[i];
-    if constexpr (c[0] == -1) m.momentum_x -= f[i];
-    if constexpr (c[1] == 1) m.momentum_y += f[i];
-    if constexpr (c[1] == -1) m.momentum_y -= f[i];
-    if constexpr (c[2] == 1) m.momentum_z += f[i];
-    if constexpr (c[2] == -1) m.momentum_z -= f[i];
+    const Value sum = f[i] + f[o];
+    const Value difference = f[i] - f[o];
+    // The first of `half` point along the axes. No sum starts from zero: strict arithmetic may not drop it.
+    if constexpr (n == 0) {
+      m.excess = f[0] + sum;
+      m.momentum_x = difference;
+    } else {
+      m.excess += sum;
+      if constexpr (n == 1) m.momentum_y = difference;
+      if constexpr (n == 2 && Lattice::dimension == 3) m.momentum_z = difference;
+      if constexpr (n >= Lattice::dimension) {
+        if constexpr (c[0] == 1) m.momentum_x += difference;
+        if constexpr (c[0] == -1) m.momentum_x -= difference;
+        if constexpr (c[1] == 1) m.momentum_y += difference;
+        if constexpr (c[1] == -1) m.momentum_y -= difference;
+        if constexpr (c[2] == 1) m.momentum_z += difference;
+        if constexpr (c[2] == -1) m.momentum_z -= difference;
+      }
+    }
   });
   return m;
 }
 
 /// c_i . (x, y, z) without the products with zero and one, which strict arithmetic may not drop.
-template <class Lattice, std::size_t i>
-[[gnu::always_inline]] inline double along(double x, double y, double z) {
+template <class Lattice, std::size_t i, class Value>
+[[gnu::always_inline]] inline Value along(const Value& x, const Value& y, const Value& z) {
   constexpr auto c = Lattice::velocity[i];
-  double sum = 0;
+  Value sum{};
   if constexpr (c[0] != 0) sum = c[0] > 0 ? x : -x;
   if constexpr (c[1] != 0) {
-    const double part = c[1] > 0 ? y : -y;
-    if constexpr (c[0] != 0) {
-      sum += part;
+    if constexpr (c[0] == 0) {
+      sum = c[1] > 0 ? y : -y;
+    } else if constexpr (c[1] > 0) {
+      sum += y;
     } else {
-      sum = part;
+      sum -= y;
     }
   }
   if constexpr (c[2] != 0) {
-    const double part = c[2] > 0 ? z : -z;
-    if constexpr (c[0] != 0 || c[1] != 0) {
-      sum += part;
+    if constexpr (c[0] == 0 && c[1] == 0) {
+      sum = c[2] > 0 ? z : -z;
+    } else if constexpr (c[2] > 0) {
+      sum += z;
     } else {
-      sum = part;
+      sum -= z;
     }
   }
   return sum;
 }
 
 /// j.j of the moments.
-template <class Lattice>
-[[gnu::always_inline]] inline double square_of(const Moments& m) {
-  const double square = m.momentum_x * m.momentum_x + m.momentum_y * m.momentum_y;
+template <class Lattice, class Value>
+[[gnu::always_inline]] inline Value square_of(const MomentsOf<Value>& m) {
+  const Value square = m.momentum_x * m.momentum_x + m.momentum_y * m.momentum_y;
   if constexpr (Lattice::dimension == 3) return square + m.momentum_z * m.momentum_z;
   return square;
 }

@@ -40,8 +40,8 @@ constexpr std::size_t index_of(Parity parity) {
   return parity == Parity::even ? 0 : 1;
 }
 
-/// How a population is kept in memory; arithmetic is in double precision. In single precision half the bytes
-/// move, and each step rounds f_i - w_i to 24 bits.
+/// How a population is kept in memory and collided: in single precision half the bytes move, and twice as many
+/// nodes share a vector register; f_i - w_i has 24 bits. Boundary rules compute in double precision.
 enum class Storage { double_precision, single_precision };
 
 class Populations {

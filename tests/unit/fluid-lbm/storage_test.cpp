@@ -24,8 +24,9 @@ double largest_difference(const std::vector<double>& a, const std::vector<double
   return largest;
 }
 
-// Rounding to 24 bits of what differs from the fluid at rest: velocities of a cavity agree to some 1e-6 of
-// the lid's.
+// Arithmetic with 24 bits on what differs from the fluid at rest: a population near a wall is some 2 % of the
+// lid's momentum flux, each of the thousands of steps rounds it to 6e-8 of itself, and velocities of the
+// cavity agree to some 1e-5 of the lid's.
 TEST(SinglePrecision, FollowsDoublePrecision) {
   for (const CollisionModel collision :
        {CollisionModel::trt, CollisionModel::bgk, CollisionModel::central_moment,
@@ -39,7 +40,7 @@ TEST(SinglePrecision, FollowsDoublePrecision) {
     const Fields b = cases::fields_of(rounded);
     const double difference = std::max(largest_difference(a.velocity_x, b.velocity_x),
                                        largest_difference(a.velocity_y, b.velocity_y));
-    EXPECT_LT(difference, 0.1 * 1e-5) << int(collision);
+    EXPECT_LT(difference, 0.1 * 3e-5) << int(collision);
     EXPECT_GT(difference, 0) << int(collision);
   }
 }
