@@ -88,7 +88,7 @@ v1::Exchange Grains::start(const v1::Exchange& initial, const std::filesystem::p
 }
 
 void Grains::take_inputs(const v1::Exchange& inputs) {
-  const std::size_t n = medium_->size();
+  const std::size_t n = medium_->bodies();
   if (inputs.has_grain_forces()) {
     if (!scene_.coupled_to_fluid)
       throw BadInput("inputs.grain_forces", "forces of a fluid were sent, but the scene has no [fluid]");

@@ -135,6 +135,11 @@ Plan plan_of(const GrainsScene& scene) {
   if (!scene.law.cohesive) plan.left_out.emplace_back("cohesion");
   if (!scene.bond.active) plan.left_out.emplace_back("bonds");
   if (!scene.lubrication.active()) plan.left_out.emplace_back("lubrication");
+  if (scene.cement.model == CementScene::Model::none)
+    plan.left_out.emplace_back("cement");
+  else if (!scene.coupled_to_fluid)
+    plan.warnings.emplace_back(
+        "cement acts on the fluid, and no fluid takes part; grains are glued by [grains.bond]");
   if (scene.walls.empty()) plan.left_out.emplace_back("walls");
   if (gravity == 0) plan.left_out.emplace_back("gravity");
   if (scene.fluid.virtual_mass > 0 && scene.coupled_to_fluid)

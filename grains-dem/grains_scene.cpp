@@ -320,6 +320,43 @@ void read_deposit(SceneTable& grains, GrainsScene& result) {
   }
 }
 
+void read_cement(SceneTable& grains, bool all_held, GrainsScene& result) {
+  auto table = grains.table_if("cement");
+  if (!table) return;
+  CementScene& cement = result.cement;
+  constexpr std::array<std::string_view, 3> models{"bridges", "coating", "random"};
+  const std::string model = table->choice("model", models);
+  if (model == "bridges") {
+    cement.model = CementScene::Model::bridges;
+    cement.diameter_ratio = table->number("diameter_ratio", {1e-3, 0.999});
+    cement.distance_ratio = table->number_or("distance_ratio", 0.05, {0, 1});
+  } else if (model == "coating") {
+    cement.model = CementScene::Model::coating;
+    cement.thickness_ratio = table->number("thickness_ratio", {0, 1});
+  } else {
+    cement.model = CementScene::Model::random;
+    cement.saturation = table->number("saturation", {0, 0.99});
+    cement.seed = table->integer_or("seed", 1, 0, 1'000'000'000);
+  }
+  cement.voxel = table->number("voxel", Range::positive());
+  cement.from = table->has("from") ? table->numbers("from", result.axes()) : result.from;
+  cement.to = table->has("to") ? table->numbers("to", result.axes()) : result.to;
+  if (cement.from.size() != result.axes() || cement.to.size() != result.axes()) {
+    table->problem("", "give the box that is cemented: `from` and `to`, or [grains.box]");
+    return;
+  }
+  double voxels = 1;
+  for (std::size_t c = 0; c < result.axes(); ++c) {
+    if (!(cement.to[c] > cement.from[c])) table->problem("to", "must lie beyond `from`");
+    voxels *= std::max(1.0, (cement.to[c] - cement.from[c]) / cement.voxel);
+  }
+  if (voxels > 1e7) table->problem("voxel", fmt::format("makes {:.2g} voxels: at most 1e7", voxels));
+  if (!all_held && cement.model != CementScene::Model::coating)
+    table->problem("model",
+                   "bridges and random cement stay where they are: hold every group (`held`), or "
+                   "[grains.deposit] with `hold`; moving grains can be coated and bonded");
+}
+
 void read_watches(SceneTable& root, const std::string& role, GrainsScene& result) {
   const std::size_t d = result.axes();
   for (SceneTable& table : root.tables("watch")) {
@@ -408,6 +445,7 @@ GrainsScene read_grains_scene(Scene& scene, const std::string& role) {
   const bool all_held =
       result.deposit.hold || std::all_of(result.groups.begin(), result.groups.end(),
                                          [](const GroupScene& group) { return group.held; });
+  read_cement(grains, all_held, result);
   if (result.steady && result.coupled_to_fluid && !all_held)
     grains.problem("",
                    "in a steady flow grains stay where they are: hold every group (`held`), or "

@@ -7,6 +7,7 @@
 #include <vector>
 
 #include "bonds.hpp"
+#include "cement.hpp"
 #include "contact_law.hpp"
 #include "dynamics.hpp"
 #include "participant.hpp"
@@ -116,6 +117,7 @@ struct GrainsScene {
   BondLaw bond;
   Lubrication lubrication;
   DepositScene deposit;
+  CementScene cement;
 
   [[nodiscard]] std::size_t axes() const { return static_cast<std::size_t>(dimension); }
 };

@@ -22,10 +22,13 @@ public:
   virtual ~Medium() = default;
 
   [[nodiscard]] virtual std::size_t size() const = 0;
+  /// Grains and pieces of cement that the fluid is told of: entries of GrainStates and GrainForces.
+  [[nodiscard]] virtual std::size_t bodies() const = 0;
   [[nodiscard]] virtual StepLimit step_limit() const = 0;
   /// Moves everything over `duration`.
   virtual void advance(double duration, std::uint64_t steps, const StepMonitor& monitor) = 0;
-  /// Forces of the fluid, in the scene's order, constant during the next advance.
+  /// Forces of the fluid, in the scene's order, those on pieces of cement after them; constant during the
+  /// next advance.
   ///
   /// The fluid answers a grain's acceleration one exchange late. Where its added mass exceeds the grain's
   /// own, that delay grows without bound. With C masses of the displaced fluid m_f as virtual mass the grain

@@ -32,7 +32,8 @@ double share_below(int dimension, double r, double h) {
 
 template <int D>
 RegionMeasure<D> measure_region(const Dynamics<D>& dynamics, const Vector<D>& from_given,
-                                const Vector<D>& to_given, double radius_margin) {
+                                const Vector<D>& to_given, double radius_margin,
+                                std::span<const double> outer_force) {
   const State<D>& state = dynamics.state();
   const Domain<D>& domain = dynamics.settings().domain;
   RegionMeasure<D> result;
@@ -63,6 +64,9 @@ RegionMeasure<D> measure_region(const Dynamics<D>& dynamics, const Vector<D>& fr
     for (std::size_t c = 0; c < static_cast<std::size_t>(D); ++c)
       if (!whole[c]) share *= share_below(D, r, to[c] - x[c]) - share_below(D, r, from[c] - x[c]);
     result.solid += share * (D == 2 ? std::numbers::pi * r * r : 4.0 / 3 * std::numbers::pi * r * r * r);
+    if (!outer_force.empty())
+      result.outer_force =
+          result.outer_force + (share / result.volume) * load<D>(outer_force.data(), state.identity[i]);
     if (!is_inside(x) || state.inverse_mass[i] == 0) continue;
     const double m = 1 / state.inverse_mass[i];
     mass += m;
@@ -99,7 +103,9 @@ RegionMeasure<D> measure_region(const Dynamics<D>& dynamics, const Vector<D>& fr
   return result;
 }
 
-template RegionMeasure<2> measure_region(const Dynamics<2>&, const Vector<2>&, const Vector<2>&, double);
-template RegionMeasure<3> measure_region(const Dynamics<3>&, const Vector<3>&, const Vector<3>&, double);
+template RegionMeasure<2> measure_region(const Dynamics<2>&, const Vector<2>&, const Vector<2>&, double,
+                                         std::span<const double>);
+template RegionMeasure<3> measure_region(const Dynamics<3>&, const Vector<3>&, const Vector<3>&, double,
+                                         std::span<const double>);
 
 }  // namespace estuary::grains
