@@ -63,8 +63,7 @@ private:
   // The time that rows and watches of the window under way belong to; in steady mode the iteration.
   [[nodiscard]] double time_of_window() const;
   [[nodiscard]] bool steady() const { return scene_.mode == CouplingMode::steady; }
-  // True when the window is computed once.
-  [[nodiscard]] bool once() const { return !scene_.implicit() || !partners_.agree(); }
+  [[nodiscard]] bool once() const { return partners_.once(); }
 
   const CouplingScene& scene_;
   Participants& participants_;

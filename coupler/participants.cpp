@@ -116,6 +116,8 @@ void Participants::greet(RemoteParticipant& participant) {
   const v1::Reply reply = ask(participant, std::move(hello), {});
   participant.identity_ = reply.welcome();
   const auto& welcome = participant.identity_;
+  participant.accepts_in_advance_ = std::find(welcome.capabilities().begin(), welcome.capabilities().end(),
+                                              "advance-accepts") != welcome.capabilities().end();
   if (!reply.has_welcome()) {
     throw RunFailure(ExitStatus::participant_lost,
                      fmt::format("{}: {} answered Hello with something else than Welcome", participant.role(),

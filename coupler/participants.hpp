@@ -41,6 +41,8 @@ public:
 
   [[nodiscard]] const std::string& role() const { return scene_.role; }
   [[nodiscard]] const v1::Welcome& identity() const { return identity_; }
+  /// Whether an Advance can carry its Accept with it.
+  [[nodiscard]] bool accepts_in_advance() const { return accepts_in_advance_; }
   [[nodiscard]] const v1::Work& work() const { return work_; }
   [[nodiscard]] const Usage& usage() const { return usage_; }
   [[nodiscard]] const ClientChannel& channel() const { return channel_; }
@@ -53,6 +55,7 @@ private:
   ClientChannel channel_;
   std::unique_ptr<ChildProcess> child_;  // null when it was connected to
   v1::Welcome identity_;
+  bool accepts_in_advance_ = false;
   v1::Work work_;
   v1::Progress progress_;
   Usage usage_;

@@ -96,9 +96,10 @@ void Partners::advance_alone(const WindowSpan& span, const Position& position) {
   last = advance(only, {});
 }
 
-v1::Request Partners::advance_request(v1::Exchange inputs) const {
+v1::Request Partners::advance_request(const RemoteParticipant& participant, v1::Exchange inputs) const {
   v1::Request request;
   auto* advance = request.mutable_advance();
+  advance->set_accept(once() && participant.accepts_in_advance());
   advance->set_mode(scene_.mode == CouplingMode::steady ? v1::Advance::STEADY : v1::Advance::TRANSIENT);
   advance->set_time(span_.begin);
   advance->set_duration(span_.duration);
@@ -117,8 +118,9 @@ v1::Advanced Partners::advanced_of(const RemoteParticipant& participant, v1::Rep
 }
 
 v1::Advanced Partners::advance(RemoteParticipant& participant, v1::Exchange inputs) {
-  return advanced_of(participant,
-                     participants_.ask(participant, advance_request(std::move(inputs)), position_));
+  return advanced_of(
+      participant,
+      participants_.ask(participant, advance_request(participant, std::move(inputs)), position_));
 }
 
 InterfaceState Partners::answer_in_turn(const InterfaceState& x, IterationRow& row) {
@@ -160,9 +162,9 @@ double Partners::ask_solid(const std::vector<double>& forces) {
 
 InterfaceState Partners::answer_at_once(const InterfaceState& x, IterationRow& row) {
   std::vector<Participants::Question> questions;
-  if (fluid_ != nullptr) questions.push_back({fluid_, advance_request(for_fluid(x.motion))});
-  if (grains_ != nullptr) questions.push_back({grains_, advance_request(for_grains(x.motion))});
-  if (solid_ != nullptr) questions.push_back({solid_, advance_request(for_solid(x.forces))});
+  if (fluid_ != nullptr) questions.push_back({fluid_, advance_request(*fluid_, for_fluid(x.motion))});
+  if (grains_ != nullptr) questions.push_back({grains_, advance_request(*grains_, for_grains(x.motion))});
+  if (solid_ != nullptr) questions.push_back({solid_, advance_request(*solid_, for_solid(x.forces))});
   std::vector<double> before;
   for (const auto& question : questions) before.push_back(question.participant->usage().wall_s);
   std::vector<RemoteParticipant*> asked;
@@ -245,11 +247,13 @@ void Partners::describe(const InterfaceState& x, const InterfaceState& answer, I
 }
 
 void Partners::accept(const Position& position) {
+  std::vector<Participants::Question> questions;
   for (const auto& participant : participants_.all()) {
-    v1::Request request;
-    request.mutable_accept();
-    participants_.ask(*participant, std::move(request), position);
+    if (once() && participant->accepts_in_advance()) continue;  // has done so
+    questions.push_back({participant.get(), {}});
+    questions.back().request.mutable_accept();
   }
+  participants_.ask_all(std::move(questions), position);
   if (grains_ != nullptr && fluid_ != nullptr) {
     check_grain_states(last_grains_.outputs().grain_states(), scene_.dimension, position);
     grain_states_ = last_grains_.outputs().grain_states();

@@ -40,6 +40,9 @@ public:
   /// True when there is a wet surface whose motion has to be agreed on.
   [[nodiscard]] bool agree() const { return solid_ != nullptr && participants_.all().size() > 1; }
 
+  /// True when a window is computed once, and accepted as it comes out.
+  [[nodiscard]] bool once() const { return !scene_.implicit() || !agree(); }
+
   /// The participants' answer to `x`, in turn or at once as the scheme says. In steady mode a load that is
   /// too much for the solid is given in part; `row` carries times, sums and the part given.
   InterfaceState answer(const InterfaceState& x, const WindowSpan& span, const Position& position,
@@ -66,7 +69,7 @@ private:
   InterfaceState answer_in_turn(const InterfaceState& x, IterationRow& row);
   InterfaceState answer_at_once(const InterfaceState& x, IterationRow& row);
   double ask_solid(const std::vector<double>& forces);
-  v1::Request advance_request(v1::Exchange inputs) const;
+  v1::Request advance_request(const RemoteParticipant& participant, v1::Exchange inputs) const;
   v1::Advanced advance(RemoteParticipant& participant, v1::Exchange inputs);
   v1::Advanced advanced_of(const RemoteParticipant& participant, v1::Reply reply) const;
   v1::Exchange for_fluid(const WetMotion& motion) const;

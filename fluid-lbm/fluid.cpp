@@ -50,11 +50,10 @@ v1::Exchange Fluid::start(const v1::Exchange& initial, const std::filesystem::pa
                    "the wrong way round (the fluid lies to their left)");
   }
   set_initial_fields();
-  if (scene_.has_partner && scene_.mode == Mode::transient) {
+  if (scene_.repeats_windows) {
     window_start_.emplace();
     flow_->copy_to(*window_start_);
   }
-  evaluate_fields();
   check_state();
   return {};
 }
@@ -128,6 +127,7 @@ AdvanceResult Fluid::advance(const Window& window, const v1::Exchange& inputs, P
   }
   latest_ = end;
   AdvanceResult advanced = result();
+  check_result(advanced);
   advanced.remaining_error = remaining;
   return advanced;
 }
@@ -164,6 +164,7 @@ AdvanceResult Fluid::result() {
   if (!scene_.solid_nodes.empty()) add(flow_->solid_nodes_load());
   if (grains_.active())
     grains_.write(grain_loads(), scene_.grain_method == GrainMethod::partially_saturated, advanced.outputs);
+  if (watches_need_fields(scene_)) evaluate_fields();
   advanced.watches = evaluate_watches(scene_, fields_, *flow_, end_time_, total);
   advanced.work = {.steps = steps_,
                    .updates = updates_,
@@ -174,6 +175,23 @@ AdvanceResult Fluid::result() {
   return advanced;
 }
 
+// What is given away is finite; a number that is not says that a node is bad, and it is named.
+void Fluid::check_result(const AdvanceResult& advanced) {
+  const auto finite = [](const auto& values) {
+    return std::all_of(values.begin(), values.end(), [](double value) { return std::isfinite(value); });
+  };
+  const v1::Exchange& outputs = advanced.outputs;
+  const bool watched =
+      std::all_of(advanced.watches.begin(), advanced.watches.end(), [](const WatchValues& watch) {
+        return std::all_of(watch.quantities.begin(), watch.quantities.end(),
+                           [](const auto& quantity) { return std::isfinite(quantity.second); });
+      });
+  if (watched && finite(outputs.pressures().pressure()) && finite(outputs.pressures().viscous_traction()) &&
+      finite(outputs.grain_forces().force()) && finite(outputs.grain_forces().torque()))
+    return;
+  check_state();
+}
+
 void Fluid::accept() {
   accepted_ = latest_;
   grains_.accept();
@@ -181,6 +199,7 @@ void Fluid::accept() {
 }
 
 std::vector<std::string> Fluid::frame(std::uint64_t number, double time) {
+  evaluate_fields();
   return output_->write(number, time, *flow_, fields_, scene_.units, pressure_, traction_);
 }
 

@@ -54,6 +54,7 @@ private:
   void check_progress(ProgressBoard& progress, double fraction, const std::string& note);
   [[nodiscard]] std::size_t steps_at_once() const;
   AdvanceResult result();
+  void check_result(const AdvanceResult& advanced);
 
   // Time spent, by phase [s].
   struct Seconds {
@@ -76,6 +77,7 @@ private:
   WetLoad wet_load_;
   bool wet_load_stale_ = true;
   Fields fields_;
+  bool fields_current_ = false;
   std::vector<double> pressure_;  // lattice units
   std::vector<double> traction_;
   std::vector<double> previous_x_;  // steady mode: velocities and loads at the last check
@@ -84,7 +86,7 @@ private:
   std::vector<double> previous_load_;
   bool sides_constant_ = true;  // and the body force
   std::uint64_t steps_ = 0;
-  std::uint64_t steps_checked_ = 0;
+  std::uint64_t steps_checked_ = 0;  // when every node was looked at last
   double updates_ = 0;
   Seconds seconds_;
 };

@@ -71,7 +71,9 @@ void Fluid::load(const std::filesystem::path& file) {
   restart_body_loads();
   set_time(time_);
   give_back(state);
-  evaluate_fields();
+  fields_current_ = false;
+  steps_checked_ = steps_;
+  flow_->apply_boundaries();
   evaluate_loads();
 }
 

@@ -78,6 +78,8 @@ FluidScene read_fluid_scene(Scene& scene, const std::string& role, Plan& plan) {
     if (result.mode == Mode::transient && coupling->has("window")) {
       result.window = coupling->number("window", Range::positive());
       result.end_time = coupling->number_or("end_time", 0.0);
+      result.repeats_windows =
+          result.has_solid && coupling->text_or("scheme", "serial-implicit").ends_with("implicit");
     }
   }
   auto fluid = root.table(role);

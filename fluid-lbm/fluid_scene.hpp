@@ -75,7 +75,8 @@ struct FluidScene {
   bool match_force = false;  // complete the loads to the force by momentum exchange
   bool has_solid = false;
   bool has_grains = false;
-  bool has_partner = false;  // the scene has other participants
+  bool has_partner = false;      // the scene has other participants
+  bool repeats_windows = false;  // iterations with a solid go back to the window's start
   Mode mode = Mode::transient;
   double window = 0;    // [s]; 0 in steady mode
   double end_time = 0;  // [s]; 0 when unknown

@@ -45,7 +45,7 @@ void fill_plan(const FluidScene& result, Plan& plan) {
   }
   plan.memory_bytes =
       Populations::memory_bytes(grid, result.flow.storage) +
-      (result.has_partner && result.mode == Mode::transient ? Populations::memory_bytes(grid) : 0.0) +
+      (result.repeats_windows ? Populations::memory_bytes(grid) : 0.0) +
       nodes * (1 + 3 * 8 + (result.mode == Mode::steady ? 16 : 0) + (result.has_partner ? 8 : 0));
   if (result.mode == Mode::transient)
     plan.expected_updates = nodes * std::ceil(result.end_time / units.time_step);
@@ -54,10 +54,10 @@ void fill_plan(const FluidScene& result, Plan& plan) {
   if (result.obstacle_connectivity.empty() && result.round_obstacles.empty() && result.solid_nodes.empty())
     plan.left_out.emplace_back("obstacles: none in the scene");
   if (!result.viscous_traction) plan.left_out.emplace_back("viscous traction: the scene does not ask for it");
-  if (!result.has_partner || result.mode == Mode::steady) {
+  if (!result.repeats_windows) {
     plan.left_out.emplace_back(result.mode == Mode::steady
                                    ? "copy of the window's start: a steady iteration goes on from where it is"
-                                   : "copy of the window's start: no partner repeats windows");
+                                   : "copy of the window's start: no window is repeated");
   }
   plan.variant = variant_name(result.flow.step());
 }

@@ -234,6 +234,11 @@ void evaluate_obstacle(const FluidScene& scene, const WatchRequest& watch, const
 
 }  // namespace
 
+bool watches_need_fields(const FluidScene& scene) {
+  return std::any_of(scene.watches.begin(), scene.watches.end(),
+                     [](const WatchRequest& watch) { return watch.kind != WatchRequest::Kind::obstacle; });
+}
+
 std::vector<WatchValues> evaluate_watches(const FluidScene& scene, const Fields& fields, const Flow& flow,
                                           double time, const BodyLoad& force) {
   std::vector<WatchValues> result;

@@ -23,7 +23,9 @@ namespace estuary::fluid {
 /// fluid
 ///           and solid) [m/s], force_x, ...: on all that is fixed and the wet surface [N, N/m]; with an exact
 ///           velocity velocity_error (relative L2) and largest_velocity_error (over the largest exact one)
+/// `fields` are looked at only when `watches_need_fields`.
 std::vector<WatchValues> evaluate_watches(const FluidScene& scene, const Fields& fields, const Flow& flow,
                                           double time, const BodyLoad& force);
+[[nodiscard]] bool watches_need_fields(const FluidScene& scene);
 
 }  // namespace estuary::fluid

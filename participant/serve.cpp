@@ -136,6 +136,7 @@ private:
     welcome->set_version(identity_.version);
     for (const auto& role : identity_.roles) welcome->add_roles(role);
     for (const auto& capability : identity_.capabilities) welcome->add_capabilities(capability);
+    welcome->add_capabilities("advance-accepts");  // by Session, for every participant
     for (const auto dimension : identity_.dimensions) welcome->add_dimensions(dimension);
     welcome->set_process(static_cast<std::uint64_t>(::getpid()));
     welcome->set_run_id(run_id_);

@@ -186,6 +186,10 @@ void Session::advance(const v1::Request& request, v1::Reply& reply) {
   advanced_ = false;
   AdvanceResult result = participant_.advance(window, message.inputs(), board_);
   advanced_ = true;
+  if (message.accept()) {
+    participant_.accept();
+    advanced_ = false;
+  }
   v1::Advanced& advanced = *reply.mutable_advanced();
   *advanced.mutable_outputs() = std::move(result.outputs);
   for (const auto& watch : result.watches) {

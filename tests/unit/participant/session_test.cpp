@@ -62,9 +62,10 @@ protected:
     request.mutable_start();
     return ask(request);
   }
-  v1::Reply advance() {
+  v1::Reply advance(bool and_accept = false) {
     v1::Request request;
     request.mutable_advance()->set_duration(0.1);
+    request.mutable_advance()->set_accept(and_accept);
     return ask(request);
   }
   v1::Reply accept() {
@@ -114,6 +115,16 @@ TEST_F(SessionTest, RefusesPhasesOutOfOrder) {
   EXPECT_EQ(start().error().kind(), v1::Error::OUT_OF_ORDER);
   EXPECT_EQ(ask({}).error().kind(), v1::Error::BAD_MESSAGE);
   EXPECT_TRUE(advance().has_advanced());  // still up
+}
+
+TEST_F(SessionTest, AnAdvanceCarriesItsAccept) {
+  begin();
+  EXPECT_TRUE(advance(true).has_advanced());
+  EXPECT_EQ(recorder_.calls, "saA");
+  EXPECT_EQ(accept().error().kind(), v1::Error::OUT_OF_ORDER);
+  recorder_.fail = [] { throw Diverged("velocity", "not finite", ""); };
+  EXPECT_EQ(advance(true).error().kind(), v1::Error::DIVERGED);
+  EXPECT_EQ(recorder_.calls, "saAa");  // what failed is not accepted
 }
 
 TEST_F(SessionTest, RefusesWindowsThatAreNoTime) {
