@@ -14,14 +14,14 @@ ReferenceSearch::ReferenceSearch(const Body& body, double cell)
     : body_(body), cell_(cell), period_(body.box.periodic ? body.box.length(0) : 0.0) {
   double high[2];
   for (int c = 0; c < 2; ++c) origin_[c] = high[c] = body.position[static_cast<std::size_t>(c)];
-  for (std::size_t i = 0; i < body.size(); ++i)
+  for (std::size_t i = 0; i < body.particles(); ++i)
     for (std::size_t c = 0; c < 2; ++c) {
       origin_[c] = std::min(origin_[c], body.position[2 * i + c]);
       high[c] = std::max(high[c], body.position[2 * i + c]);
     }
   for (int c = 0; c < 2; ++c) cells_[c] = static_cast<std::int64_t>((high[c] - origin_[c]) / cell_) + 1;
   content_.resize(static_cast<std::size_t>(cells_[0] * cells_[1]));
-  for (std::size_t i = 0; i < body.size(); ++i) {
+  for (std::size_t i = 0; i < body.particles(); ++i) {
     const auto cx = static_cast<std::int64_t>((body.position[2 * i] - origin_[0]) / cell_);
     const auto cy = static_cast<std::int64_t>((body.position[2 * i + 1] - origin_[1]) / cell_);
     content_[static_cast<std::size_t>(cy * cells_[0] + cx)].push_back(static_cast<std::uint32_t>(i));
@@ -64,6 +64,7 @@ GradientRow gradient_row(const Body& body, const ReferenceSearch& search, std::s
                          Kernel kernel) {
   GradientRow row;
   const double scale = body.mean_spacing();
+  const bool at_stress_point = i >= body.particles();
   for (const double widening : kWidening) {
     const double h = body.smoothing_length * widening;
     GradientRow candidate;
@@ -75,7 +76,7 @@ GradientRow gradient_row(const Body& body, const ReferenceSearch& search, std::s
       if (r < 1e-6 * scale) continue;  // the particle itself; its own images in a narrow periodic body count
       // Without V_j, which is the same for all but the half cells on a side: there it would tilt the stencil
       // of the next row and cost an order.
-      const double weight = -kernel_slope(kernel, r, h) / r;
+      const double weight = at_stress_point ? kernel_value(kernel, r, h) : -kernel_slope(kernel, r, h) / r;
       if (!(weight > 0)) continue;
       candidate.neighbour.push_back(found.particle);
       candidate.offset.push_back({found.x, found.y});
@@ -96,7 +97,7 @@ GradientRow gradient_row(const Body& body, const ReferenceSearch& search, std::s
     }
     GradientWeights solved;
     try {
-      solved = gradient_weights(offsets, candidate.weight, order);
+      solved = gradient_weights(offsets, candidate.weight, order, at_stress_point);
     } catch (const std::domain_error& error) {
       if (widening != kWidening.back()) continue;
       throw std::domain_error("particle " + std::to_string(i) + " at (" +
@@ -124,7 +125,8 @@ Neighbourhood build_neighbourhood(const Body& body, const NeighbourhoodOptions& 
   // sums over rows obey summation by parts, and a wider one would not (Strand 1994).
   for (std::size_t i = 0; i < n; ++i) {
     if (body.carried(i)) continue;  // a rigid body has no strain
-    const bool one_sided = options.order == Order::quadratic && (body.edge[i] != 0 || body.fixed[i] == 3);
+    const bool one_sided = options.order == Order::quadratic && i < body.particles() &&
+                           (body.edge[i] != 0 || body.fixed[i] == 3);
     rows[i] = gradient_row(body, search, i, one_sided ? Order::linear : options.order, options.kernel);
   }
 

@@ -50,7 +50,8 @@ struct NeighbourhoodOptions {
 /// Throws std::domain_error, naming the particle, when a particle has too few neighbours for a gradient.
 Neighbourhood build_neighbourhood(const Body& body, const NeighbourhoodOptions& options);
 
-/// Particles within `radius` of a point, with the vector from the point to (the nearest image of) each.
+/// Particles (not stress points) within `radius` of a point, with the vector from the point to (the nearest
+/// image of) each.
 class ReferenceSearch {
 public:
   struct Found {

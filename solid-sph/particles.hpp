@@ -82,8 +82,10 @@ struct Body {
   std::vector<Outline> outlines;     // of bodies with particles on their contour
   std::vector<std::uint32_t> outline_member;
   std::vector<RigidBody> rigid;
+  std::size_t stress_points = 0;  // entries at the end that carry stress and no mass, see stress_points.hpp
 
   [[nodiscard]] std::size_t size() const { return volume.size(); }
+  [[nodiscard]] std::size_t particles() const { return size() - stress_points; }
   [[nodiscard]] double mean_spacing() const;
   [[nodiscard]] bool holds(std::size_t particle, std::size_t component) const {
     return (fixed[particle] >> component & 1U) != 0;

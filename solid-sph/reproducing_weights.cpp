@@ -97,11 +97,16 @@ std::vector<double> value_weights_on_line(std::span<const Offset> offsets, std::
 }
 
 GradientWeights gradient_weights(std::span<const Offset> offsets, std::span<const double> weights,
-                                 Order order) {
+                                 Order order, bool between) {
+  Rows exact{moment(offsets, [](const Offset& o) { return o.x; }),
+             moment(offsets, [](const Offset& o) { return o.y; })};
+  Rows targets{{1, 0}, {0, 1}};
+  if (between) {
+    exact.push_back(moment(offsets, [](const Offset&) { return 1.0; }));
+    for (auto& target : targets) target.push_back(0);
+  }
   const Solution solution =
-      solve({moment(offsets, [](const Offset& o) { return o.x; }),
-             moment(offsets, [](const Offset& o) { return o.y; })},
-            {{1, 0}, {0, 1}}, order == Order::linear ? Rows{} : quadratic_moments(offsets), weights);
+      solve(std::move(exact), targets, order == Order::linear ? Rows{} : quadratic_moments(offsets), weights);
   GradientWeights result;
   result.complete = solution.complete;
   for (std::size_t j = 0; j < offsets.size(); ++j)

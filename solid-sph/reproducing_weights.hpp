@@ -44,7 +44,8 @@ struct GradientWeights {
   std::vector<std::array<double, 2>> weights;
   bool complete = true;
 };
+/// With `between`, of a place that has no value of its own: sum_j g_j = 0, and sum_j f_j g_j = grad f(0).
 GradientWeights gradient_weights(std::span<const Offset> offsets, std::span<const double> weights,
-                                 Order order);
+                                 Order order, bool between = false);
 
 }  // namespace estuary::solid

@@ -5,6 +5,7 @@
 #include <stdexcept>
 
 #include "rigid_motion.hpp"
+#include "stress_points.hpp"
 #include "surface_transfer.hpp"
 
 namespace estuary::solid {
@@ -95,7 +96,7 @@ public:
     }
   }
   [[nodiscard]] bool holds(std::size_t i) const {
-    if (body_.member[i] != place_.body) return false;
+    if (body_.member[i] != place_.body || i >= body_.particles()) return false;
     const double x = body_.position[2 * i], y = body_.position[2 * i + 1];
     if (place_.stretch) {
       const auto [x0, y0, x1, y1] = *place_.stretch;
@@ -161,6 +162,12 @@ Body build_body(const SolidScene& scene) {
     body.spacing = {spacing, spacing};
     body.smoothing_length = scene.smoothing_ratio * spacing;
     for (std::size_t k = 1; k < scene.bodies.size(); ++k) append(body, single(scene, scene.bodies[k]));
+  }
+  if (scene.stress_points > 0) {
+    std::vector<const Box*> boxes;
+    for (const BodyScene& described : scene.bodies)
+      boxes.push_back(described.shape == Shape::box ? &described.box : nullptr);
+    add_stress_points(body, boxes, scene.stress_points);
   }
   for (std::size_t h = 0; h < scene.holds.size(); ++h) {
     const HoldScene& hold = scene.holds[h];

@@ -229,7 +229,7 @@ void Solid::integrate(const Window& window, const Monitor& monitor) {
         loading_.loads[l].end[c] = start + change * ((done + duration) / window.duration);
       }
     work_.steps += steps;
-    work_.updates += static_cast<double>(steps) * static_cast<double>(body_.size());
+    work_.updates += static_cast<double>(steps) * static_cast<double>(body_.particles());
     solver_->advance(state_, loading_, duration, steps, scene_.damping,
                      [&](double fraction, const std::string& note) {
                        monitor((done + fraction * duration) / window.duration, note);
@@ -272,7 +272,7 @@ double Solid::find_equilibrium(const Window& window, const Monitor& monitor) {
     if (report.converged) break;
   }
   work_.steps += report.steps;
-  work_.updates += static_cast<double>(report.steps) * static_cast<double>(body_.size());
+  work_.updates += static_cast<double>(report.steps) * static_cast<double>(body_.particles());
   if (!report.converged) {
     throw NotConverged(fmt::format("no equilibrium after {} {}: residual {:.2e} of the load, estimated "
                                    "remaining change {:.2e} of the "

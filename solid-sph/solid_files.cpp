@@ -27,7 +27,7 @@ std::array<double, 6> Solid::stress_at(const Transfer& transfer) const {
 }
 
 void Solid::write_particles(const std::filesystem::path& file) const {
-  const std::size_t n = body_.size();
+  const std::size_t n = body_.particles();
   std::vector<double> position(2 * n), body(n);
   std::array<std::vector<double>, 6> stress;
   std::array<std::vector<double>, 4> gradient;
@@ -44,8 +44,10 @@ void Solid::write_particles(const std::filesystem::path& file) const {
     body[i] = body_.member[i];
     if (!damage.empty()) damage[i] = history[J2Plasticity::history_size * i + 5];
   }
-  std::vector<FieldView> views{{"displacement", 2, state_.displacement},
-                               {"velocity", 2, state_.velocity},
+  const std::span<const double> displacement(state_.displacement.data(), 2 * n),
+      velocity(state_.velocity.data(), 2 * n);
+  std::vector<FieldView> views{{"displacement", 2, displacement},
+                               {"velocity", 2, velocity},
                                {"von_mises", 1, stress[4]},
                                {"cauchy_xx", 1, stress[0]},
                                {"cauchy_yy", 1, stress[1]},

@@ -129,7 +129,10 @@ Plan plan_of(const SolidScene& scene) {
         fmt::format("correction = \"linear\" with {} particles across makes bending too soft "
                     "(about 5 % at 10); \"quadratic\" does not",
                     across));
-  if (scene.stabilisation == 0 &&
+  if (scene.stress_points == 1 && scene.stabilisation == 0)
+    plan.warnings.emplace_back(
+        "one stress point per cell of a box leaves an alternating mode without stiffness; two see it");
+  if (scene.stress_points == 0 && scene.stabilisation == 0 &&
       (scene.order == Order::quadratic || scene.placement == Placement::on_contour))
     plan.warnings.emplace_back("stabilisation = 0: sawtooth modes have no stiffness");
   if (scene.mode == Mode::transient && scene.law != LawName::neo_hooke && scene.viscosity_linear == 0 &&
@@ -144,6 +147,10 @@ Plan plan_of(const SolidScene& scene) {
     plan.left_out.push_back(scene.mode == Mode::steady
                                 ? "artificial viscosity (an equilibrium has no velocity)"
                                 : "artificial viscosity (both coefficients are 0)");
+  if (scene.stress_points > 0)
+    add("stress points", scene.stress_points == 2
+                             ? "two in every cell of a box, one in every triangle of other outlines"
+                             : "one in every cell of a box and every triangle of other outlines");
   if (scene.stabilisation == 0) plan.left_out.emplace_back("stabilisation (coefficient 0)");
   if (scene.gravity[0] == 0 && scene.gravity[1] == 0) plan.left_out.emplace_back("gravity");
   if (scene.bodies.size() > 1 && !scene.contact)
@@ -152,7 +159,7 @@ Plan plan_of(const SolidScene& scene) {
   if (scene.wet.empty() && !scene.wet_contour) plan.left_out.emplace_back("wet surface (no wet side)");
 
   const double per_pair = 4 + 16 + 16 + 16 + (scene.stabilisation > 0 ? 8 : 0) + (viscous ? 8 : 0);
-  plan.memory_bytes = particles * (220 + neighbours * per_pair);
+  plan.memory_bytes = particles * (1 + scene.stress_points) * (220 + neighbours * per_pair);
   if (scene.mode == Mode::steady && scene.method == SteadyMethod::newton)
     plan.memory_bytes +=
         particles * (4 * (neighbours + 1) * (neighbours + 1) + 12 * 12 * (2.5 * neighbours + 5) + 2000);
@@ -167,12 +174,14 @@ Plan plan_of(const SolidScene& scene) {
         "numerically; its law is hypoelastic (Jaumann)");
     return plan;
   }
-  plan.variant = fmt::format("2d-{}-plane-{}-{}{}{}", law, scene.plane == Plane::strain ? "strain" : "stress",
-                             scene.order == Order::linear      ? "linear"
-                             : scene.order == Order::quadratic ? "quadratic"
-                             : scene.order == Order::none      ? "uncorrected"
-                                                               : "shepard",
-                             scene.stabilisation > 0 ? "-stabilised" : "", viscous ? "-viscous" : "");
+  plan.variant =
+      fmt::format("2d-{}-plane-{}-{}{}{}{}", law, scene.plane == Plane::strain ? "strain" : "stress",
+                  scene.order == Order::linear      ? "linear"
+                  : scene.order == Order::quadratic ? "quadratic"
+                  : scene.order == Order::none      ? "uncorrected"
+                                                    : "shepard",
+                  scene.stress_points > 0 ? "-stress-points" : "",
+                  scene.stabilisation > 0 ? "-stabilised" : "", viscous ? "-viscous" : "");
   return plan;
 }
 

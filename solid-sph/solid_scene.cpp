@@ -52,14 +52,31 @@ void read_method(SceneTable& solid, SolidScene& result) {
   if (result.smoothing_ratio * support_ratio(result.kernel) < 1.45)
     solid.problem("smoothing_ratio", "reaches no diagonal neighbours: the kernel ends at " +
                                          std::to_string(support_ratio(result.kernel)) + " times it");
-  const double stabilisation = on_contour ? 0.02 : result.order == Order::quadratic ? 0.05 : 0.0;
+  result.stress_points = static_cast<int>(solid.integer_or("stress_points", 0, 0, 2));
+  const bool between = result.stress_points > 0;
+  if (between) {
+    if (std::any_of(result.bodies.begin(), result.bodies.end(),
+                    [](const BodyScene& body) { return body.shape == Shape::points; }))
+      solid.problem("stress_points", "need a contour; a point list has none");
+    if (!on_contour || result.clamp != Clamp::line)
+      solid.problem("stress_points", "go with placement = \"on_contour\" and clamp = \"line\"");
+    if (result.updated_lagrangian) solid.problem("stress_points", "are of the total Lagrangian form");
+    if (result.order != Order::linear && result.order != Order::quadratic)
+      solid.problem("stress_points", "need correction = \"linear\" or \"quadratic\"");
+  }
+  const double stabilisation = between                            ? 0.0
+                               : on_contour                       ? 0.02
+                               : result.order == Order::quadratic ? 0.05
+                                                                  : 0.0;
   result.stabilisation = solid.number_or("stabilisation", stabilisation, {.minimum = 0.0, .maximum = 1.0});
   result.viscosity_linear = solid.number_or("viscosity_linear", 0.2, {.minimum = 0.0, .maximum = 10.0});
   result.viscosity_quadratic = solid.number_or("viscosity_quadratic", 0.4, {.minimum = 0.0, .maximum = 10.0});
   result.conservative_smoothing =
       solid.number_or("conservative_smoothing", 0.0, {.minimum = 0.0, .maximum = 0.5});
-  if (result.conservative_smoothing > 0 && (result.mode == Mode::steady || result.updated_lagrangian))
-    solid.problem("conservative_smoothing", "is of transient runs in the total Lagrangian form");
+  if (result.conservative_smoothing > 0 &&
+      (result.mode == Mode::steady || result.updated_lagrangian || between))
+    solid.problem("conservative_smoothing",
+                  "is of transient runs in the total Lagrangian form without stress points");
   if (solid.has("hourglass_viscosity") && !result.plastic())
     solid.problem("hourglass_viscosity",
                   "is of law = \"j2_plasticity\"; elastic bodies have `stabilisation`");

@@ -94,6 +94,7 @@ struct SolidScene {
   double spacing = 0;  // [m]
   Placement placement = Placement::on_contour;
   bool updated_lagrangian = false;
+  int stress_points = 0;  // per cell of four particles
   Clamp clamp = Clamp::line;
   bool periodic = false;
   LawName law = LawName::saint_venant_kirchhoff;

@@ -33,6 +33,7 @@ struct Block {
     double smoothing_ratio = 0.95;
     bool left = false, right = false, slide = false;
     bool confined = false;  // ends slide, sides keep their height
+    bool guided = false;    // ends slide, sides stay straight at the height that no force on them asks for
     Plane plane = Plane::strain;
   };
   explicit Block(const Options& o) {
@@ -44,7 +45,7 @@ struct Block {
     if (o.slide)
       for (std::size_t i = 0; i < body.size(); ++i)
         if (body.position[2 * i] < 1e-9) body.fixed[i] = 1;
-    if (o.confined)
+    if (o.confined || o.guided)
       for (std::size_t i = 0; i < body.size(); ++i) {
         const double x = body.position[2 * i], y = body.position[2 * i + 1];
         const unsigned along = x < 1e-9 || x > o.length - 1e-9 ? 1 : 0;
@@ -101,16 +102,48 @@ void bisect(const std::string& what, const std::string& setting, double good, do
   std::fflush(stdout);
 }
 
-// Both ends held, the right one moved to the stretch given.
+// Stretch across at which a body stretched along x carries no stress across.
+double stretch_across(const Block& block, double stretch) {
+  const auto stress = [&](double across) {
+    std::vector<double> u(2 * block.body.size());
+    for (std::size_t i = 0; i < block.body.size(); ++i) {
+      u[2 * i] = (stretch - 1) * block.body.position[2 * i];
+      u[2 * i + 1] = (across - 1) * block.body.position[2 * i + 1];
+    }
+    block.solver->evaluate(u);
+    return block.solver->first_piola_kirchhoff_at(0).yy;
+  };
+  double low = 0.8, high = 1;
+  while (high < 5 && !(stress(high) > 0)) high += 0.1;
+  for (int round = 0; round < 60; ++round) {
+    const double middle = 0.5 * (low + high);
+    (stress(middle) > 0 ? high : low) = middle;
+  }
+  return low;
+}
+
+// Ends moved to the stretch given: held, or free to slide along them.
 Verdict stretched(const Block::Options& options, double stretch) {
   Block::Options o = options;
-  o.left = o.right = !o.confined;
+  o.left = o.right = !o.confined && !o.guided;
   const Block block(o);
   Loading loading;
-  PrescribedMotion motion{
-      .particle = {}, .component = 0, .displacement = [&](double, double, double) { return stretch - 1; }};
+  if (o.guided) {
+    const double across = stretch_across(block, stretch);
+    PrescribedMotion side{.particle = {}, .component = 1, .displacement = [=](double, double, double) {
+                            return (across - 1) * o.height;
+                          }};
+    for (std::size_t i = 0; i < block.body.size(); ++i)
+      if (block.body.position[2 * i + 1] > o.height - 1e-9)
+        side.particle.push_back(static_cast<std::uint32_t>(i));
+    loading.prescribed.push_back(side);
+  }
+  PrescribedMotion motion{.particle = {}, .component = 0, .displacement = [&](double, double, double) {
+                            return (stretch - 1) * o.length;
+                          }};
   for (std::size_t i = 0; i < block.body.size(); ++i)
-    if (block.body.position[2 * i] > 1 - 1e-9) motion.particle.push_back(static_cast<std::uint32_t>(i));
+    if (block.body.position[2 * i] > o.length - 1e-9)
+      motion.particle.push_back(static_cast<std::uint32_t>(i));
   loading.prescribed.push_back(motion);
   NewtonSolver newton(*block.solver, o.law == LawName::neo_hooke || o.law == LawName::neo_hooke_isochoric);
   std::vector<double> u(2 * block.body.size(), 0.0);
@@ -209,6 +242,32 @@ Verdict bends(const Block::Options& options, double poisson, double young, int a
   return {std::abs(ratio - 1) < 0.1, fmt::format("tip {:.3f} of the beam's", ratio)};
 }
 
+// Whether plane waves of every direction travel in a material stretched along x: the acoustic tensor is
+// positive definite (strong ellipticity; Ogden 1984, ch. 6.2). Beyond, no method holds.
+Verdict elliptic(const Block::Options& o, double stretch) {
+  const Block block(o);
+  const double across = o.guided ? stretch_across(block, stretch) : 1;
+  std::vector<double> u(2 * block.body.size());
+  for (std::size_t i = 0; i < block.body.size(); ++i) {
+    u[2 * i] = (stretch - 1) * block.body.position[2 * i];
+    u[2 * i + 1] = (across - 1) * block.body.position[2 * i + 1];
+  }
+  block.solver->evaluate(u);
+  const auto a = block.solver->tangent_at(0);
+  for (int direction = 0; direction < 180; ++direction) {
+    const double angle = 3.14159265358979 * direction / 180, n[2] = {std::cos(angle), std::sin(angle)};
+    double q[2][2] = {};
+    for (std::size_t p = 0; p < 2; ++p)
+      for (std::size_t r = 0; r < 2; ++r)
+        for (std::size_t c = 0; c < 2; ++c)
+          for (std::size_t d = 0; d < 2; ++d) q[p][r] += a[4 * (2 * p + c) + 2 * r + d] * n[c] * n[d];
+    const double shear = 0.5 * (q[0][1] + q[1][0]);
+    if (!(q[0][0] > 0) || !(q[0][0] * q[1][1] > shear * shear))
+      return {false, fmt::format("no wave at {} degrees to the pressure", direction)};
+  }
+  return {true, ""};
+}
+
 const std::vector<std::pair<const char*, LawName>> kLaws{
     {"saint_venant_kirchhoff", LawName::saint_venant_kirchhoff},
     {"hooke_almansi", LawName::hooke_almansi},
@@ -259,12 +318,32 @@ int main(int argc, char** argv) {
         bisect("compression", fmt::format("{} nu {:g}", name, poisson), 0.95, 0.28,
                [&](double s) { return stretched(o, s); });
       }
-  if (wanted("confined"))
+  for (const bool guided : {false, true}) {
+    const char* kind = guided ? "guided" : "confined";
+    for (const double poisson : {0.3, 0.499})
+      for (const auto& [name, law] : kLaws) {
+        Block::Options o;
+        o.law = law;
+        o.poisson = poisson;
+        o.confined = !guided;
+        o.guided = guided;
+        const std::string setting = fmt::format("{} nu {:g}", name, poisson);
+        if (wanted(kind))
+          bisect(fmt::format("{} compression", kind), setting, 0.999, 0.15,
+                 [&](double s) { return stretched(o, s); });
+        if (wanted("ellipticity"))
+          bisect(fmt::format("ellipticity of the law, {}", kind), setting, 0.999, 0.15,
+                 [&](double s) { return elliptic(o, s); });
+      }
+  }
+  if (wanted("pad"))
     for (const auto& [name, law] : kLaws) {
       Block::Options o;
       o.law = law;
-      o.confined = true;
-      bisect("confined compression", name, 0.95, 0.15, [&](double s) { return stretched(o, s); });
+      o.height = 5;
+      o.across = 50;
+      bisect("compression of a pad", fmt::format("{} 5 times as wide as high", name), 0.95, 0.28,
+             [&](double s) { return stretched(o, s); });
     }
   if (wanted("impact"))
     for (const double viscosity : {0.0, 0.2})
@@ -280,6 +359,15 @@ int main(int argc, char** argv) {
       for (const auto& [name, law] : {kLaws[0], kLaws[3]})
         bisect("poisson's ratio in bending", fmt::format("{} {} across", name, across), 0.0, 0.4999,
                [&](double nu) { return bends({.law = law}, nu, 1e6, across); });
+  if (wanted("across"))
+    for (const int across : {2, 3, 4, 5, 10, 20, 40})
+      for (const double poisson : {0.3, 0.499})
+        for (const auto& [name, law] : {kLaws[0], kLaws[3]}) {
+          const Verdict verdict = bends({.law = law}, poisson, 1e6, across);
+          fmt::print("bending,{} nu {:g} {} across,{},{}\n", name, poisson, across,
+                     verdict.holds ? "holds" : "fails", verdict.symptom);
+          std::fflush(stdout);
+        }
   if (wanted("young"))
     for (const double young : {1e3, 1e6, 2e11}) {
       const Verdict verdict = bends({}, 0.3, young, 10);
