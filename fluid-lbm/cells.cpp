@@ -91,6 +91,7 @@ std::size_t Cells::set_solid(int row, std::uint8_t reason, const std::vector<Spa
 }
 
 void Cells::rebuild_row(int number) {
+  ++changes_;
   auto& row = rows_[static_cast<std::size_t>(number)];
   row.clear();
   std::array<std::size_t, 3> next{};

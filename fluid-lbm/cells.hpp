@@ -45,6 +45,8 @@ public:
   [[nodiscard]] const std::vector<Span>& row(int row) const { return rows_[static_cast<std::size_t>(row)]; }
   [[nodiscard]] const std::vector<std::vector<Span>>& rows() const { return rows_; }
   [[nodiscard]] std::size_t fluid_count() const;
+  /// Grows whenever runs change; 1 at first.
+  [[nodiscard]] std::uint64_t changes() const { return changes_; }
   [[nodiscard]] const Grid& grid() const { return grid_; }
 
   /// Makes `solid` (disjoint, ascending, inside the row) the nodes of row y + ny z that are non-fluid for
@@ -67,6 +69,7 @@ private:
   Grid grid_;
   std::vector<std::uint8_t> states_;
   std::vector<std::vector<Span>> rows_;
+  std::uint64_t changes_ = 1;
   // What set_solid was told last, per row, for obstacles, the wet solid and bodies.
   std::array<std::vector<std::vector<Span>>, 3> solid_;
 };

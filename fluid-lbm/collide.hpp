@@ -23,6 +23,9 @@
 
 namespace estuary::fluid {
 
+class StillLinks;
+class Stretches;
+
 enum class CollisionModel { trt, bgk, recursive_regularised, central_moment };
 enum class EquilibriumModel { incompressible, compressible };
 /// Body force: none; Guo, Zheng, Shi, Phys. Rev. E 65 (2002), with the velocity (j + F/2)/rho; or 3 w_i c.F
@@ -153,11 +156,17 @@ template <class Lattice>
           inverse_density * (4.5 * along_c * along_c - 1.5 * square_of<Lattice>(m)));
 }
 
-/// Does one step of the kind that follows `parity`, the kind of the step before, on the runs given for each
-/// row; the caller notes the new parity. The boundary rules must have been applied. To be called by every
-/// thread of a parallel region (or outside one).
-using CollideAndStream = void (*)(Populations&, Parity, const std::vector<std::vector<Span>>&,
-                                  const CollisionParameters&);
+/// What a step passes over.
+struct FluidNodes {
+  const std::vector<std::vector<Span>>& rows;  // runs of each row
+  const Stretches* stretches = nullptr;        // the same in packed memory; needed there
+  const StillLinks* links = nullptr;           // walls half-way on links that the step reflects at, or none
+};
+
+/// Does one step of the kind that follows `parity`, the kind of the step before; the caller notes the new
+/// parity. The boundary rules must have been applied, but for `links`. To be called by every thread of a
+/// parallel region (or outside one).
+using CollideAndStream = void (*)(Populations&, Parity, const FluidNodes&, const CollisionParameters&);
 
 /// Which compiled variant of the step.
 struct StepChoice {

@@ -1,7 +1,12 @@
 // The one text of the step, for every lattice and option. Included by the files that compile variants of it.
 #pragma once
 
+#include <algorithm>
+
 #include "collision_operators.hpp"
+#include "row_shares.hpp"
+#include "still_links.hpp"
+#include "stretches.hpp"
 
 namespace estuary::fluid::step {
 
@@ -52,33 +57,100 @@ template <class Lattice, class Collision, class Equilibrium, class Force, class 
   });
 }
 
-// The value that leaves along i goes where the one that came along the opposite of i was read, after either
-// kind of step: reading places are all that distinguishes the two kinds.
-template <class Lattice, class Collision, class Equilibrium, class Force, class Viscosity, class Real>
-void pass(Populations& populations, Parity parity, const std::vector<std::vector<Span>>& rows,
-          const CollisionParameters& parameters) {
-  const CollisionParameters own = parameters;
-  constexpr int lanes = Lanes<Real>::count;
-  std::array<typename Lanes<Real>::Mask, lanes> masks;
-  for (int k = 0; k < lanes; ++k) masks[static_cast<std::size_t>(k)] = first_lanes<Real>(k);
-#pragma omp for schedule(static)
-  for (int row = 0; row < populations.rows(); ++row) {
-    std::array<Real*, Lattice::count> place;
+// Where the values that reach the nodes of a stretch are read, and put back: the value that leaves along i
+// goes where the one that came along the opposite of i was read, after either kind of step, so that these
+// places are all that distinguishes the two kinds.
+template <class Lattice, class Real>
+class ReadingPlaces {
+public:
+  using Pointers = std::array<Real*, Lattice::count>;
+  ReadingPlaces(Populations& populations, Parity parity) : even_(parity == Parity::even) {
     for (int i = 0; i < Lattice::count; ++i) {
-      place[static_cast<std::size_t>(i)] =
-          populations.data<Real>() + populations.incoming(parity, i, populations.row_start(row));
-    }
-    for (const Span span : rows[static_cast<std::size_t>(row)]) {
-      int x = span.begin;
-      for (; x + lanes <= span.end; x += lanes) {
-        update<Lattice, Collision, Equilibrium, Force, Viscosity, false>(place, x, own, masks[0]);
-      }
-      if (x < span.end) {
-        const auto left = static_cast<std::size_t>(span.end - x);
-        update<Lattice, Collision, Equilibrium, Force, Viscosity, true>(place, x, own, masks[left]);
-      }
+      const auto k = static_cast<std::size_t>(i);
+      const int plane = even_ ? Lattice::opposite[k] : i;
+      plane_[k] =
+          populations.data<Real>() + plane * populations.plane() - (even_ ? Lattice::velocity[k][0] : 0);
+      step_[k] = even_ ? populations.step(i) - Lattice::velocity[k][0] : 0;
     }
   }
+  /// Of a row's node 0.
+  [[gnu::always_inline]] Pointers of(std::ptrdiff_t node) const {
+    Pointers place;
+    unrolled<Lattice::count>([&](auto index) __attribute__((always_inline)) {
+      constexpr auto i = static_cast<std::size_t>(index());
+      place[i] = plane_[i] + (node - step_[i]);
+    });
+    return place;
+  }
+  /// In packed memory, of a stretch's first node.
+  [[gnu::always_inline]] Pointers of(const Stretches::Stretch& stretch) const {
+    Pointers place;
+    unrolled<Lattice::count>([&](auto index) __attribute__((always_inline)) {
+      constexpr auto i = static_cast<std::size_t>(index());
+      constexpr auto c = Lattice::velocity[i];
+      constexpr int sender = 3 * (1 - c[2]) + 1 - c[1];
+      place[i] = plane_[i] + (even_ ? stretch.at[sender] : stretch.at[4]);
+    });
+    return place;
+  }
+
+private:
+  bool even_;
+  Pointers plane_;
+  std::array<std::ptrdiff_t, Lattice::count> step_;
+};
+
+// Nodes first <= x < end of a run.
+template <class Lattice, class Collision, class Equilibrium, class Force, class Viscosity, class Real>
+[[gnu::always_inline]] inline void update_run(
+    const std::array<Real*, Lattice::count>& place, int x, int end, const CollisionParameters& parameters,
+    const std::array<typename Lanes<Real>::Mask, static_cast<std::size_t>(Lanes<Real>::count)>& masks) {
+  constexpr int lanes = Lanes<Real>::count;
+  for (; x + lanes <= end; x += lanes) {
+    update<Lattice, Collision, Equilibrium, Force, Viscosity, false>(place, x, parameters, masks[0]);
+  }
+  if (x < end) {
+    const auto left = static_cast<std::size_t>(end - x);
+    update<Lattice, Collision, Equilibrium, Force, Viscosity, true>(place, x, parameters, masks[left]);
+  }
+}
+
+template <class Lattice, class Collision, class Equilibrium, class Force, class Viscosity, class Real>
+void pass(Populations& populations, Parity parity, const FluidNodes& nodes,
+          const CollisionParameters& parameters) {
+  const CollisionParameters own = parameters;
+  const ReadingPlaces<Lattice, Real> places(populations, parity);
+  std::array<typename Lanes<Real>::Mask, static_cast<std::size_t>(Lanes<Real>::count)> masks;
+  for (std::size_t k = 0; k < masks.size(); ++k) masks[k] = first_lanes<Real>(static_cast<int>(k));
+  const RowShare share = row_share(populations.rows());
+  const StillLinks* const links = nodes.links;
+  // Links whose far end lies in another thread's rows come first: they read what the last vector of a run
+  // there writes back.
+  const int reach = links == nullptr ? 0 : std::min(links->reach(), share.end - share.begin);
+  if (links != nullptr) {
+    links->reflect_rows(populations, parity, share.begin, share.begin + reach);
+    links->reflect_rows(populations, parity, std::max(share.end - reach, share.begin + reach), share.end);
+#pragma omp barrier
+  }
+  const bool packed = populations.packed();
+  for (int row = share.begin; row < share.end; ++row) {
+    if (links != nullptr && row >= share.begin + reach && row < share.end - reach)
+      links->reflect_rows(populations, parity, row, row + 1);
+    if (packed) {
+      const Stretches::Stretch* const last = nodes.stretches->end(row);
+      for (const auto* stretch = nodes.stretches->begin(row); stretch != last; ++stretch) {
+        update_run<Lattice, Collision, Equilibrium, Force, Viscosity, Real>(places.of(*stretch), 0,
+                                                                            stretch->length, own, masks);
+      }
+      continue;
+    }
+    const auto place = places.of(populations.row_start(row));
+    for (const Span span : nodes.rows[static_cast<std::size_t>(row)]) {
+      update_run<Lattice, Collision, Equilibrium, Force, Viscosity, Real>(place, span.begin, span.end, own,
+                                                                          masks);
+    }
+  }
+#pragma omp barrier
 }
 
 /// The variant of one lattice, or null.

@@ -63,7 +63,7 @@ Flow::Flow(const FlowSettings& settings)
 void Flow::set_obstacles(std::size_t nodes, std::vector<std::uint32_t> connectivity,
                          std::span<const double> positions, std::optional<WallRule> rule,
                          std::vector<std::uint32_t> bodies) {
-  outline_rule_ = rule.has_value();
+  outline_rule_ = rule;
   outline_bodies_ = std::move(bodies);
   outline_bodies_.resize(nodes, 0);
   obstacles_.emplace(grid(), nodes, std::move(connectivity));
@@ -73,17 +73,21 @@ void Flow::set_obstacles(std::size_t nodes, std::vector<std::uint32_t> connectiv
   const auto& solid = rows_.classify(obstacles_->segments());
   for (int y = 0; y < grid().ny; ++y)
     cells_.set_solid(y, cell_obstacle, solid[static_cast<std::size_t>(y)], uncovered);
+  link_obstacles();
+}
+
+void Flow::link_obstacles() {
   obstacle_links_.build(*obstacles_, cells_, cell_obstacle, populations_);
-  if (!rule) {
+  if (!outline_rule_) {
     obstacle_edges_.build(*obstacles_, cells_, populations_);
     return;
   }
   outline_links_.clear();
   for (const Links::Place& place : obstacle_links_.places()) {
     const auto& c = D2Q9::velocity[static_cast<std::size_t>(place.direction)];
-    outline_links_.add(place.node, place.direction, place.q, *rule, {}, outline_bodies_[place.surface_node],
-                       {place.node.x + place.q * c[0], place.node.y + place.q * c[1], 0}, cells_,
-                       populations_);
+    outline_links_.add(
+        place.node, place.direction, place.q, *outline_rule_, {}, outline_bodies_[place.surface_node],
+        {place.node.x + place.q * c[0], place.node.y + place.q * c[1], 0}, cells_, populations_);
   }
   outline_links_.finish(1 + *std::max_element(outline_bodies_.begin(), outline_bodies_.end()));
   obstacle_links_.clear();
@@ -172,7 +176,18 @@ void Flow::set_solid_nodes(const std::vector<std::uint16_t>& solid) {
     }
     cells_.set_solid(row, cell_obstacle, runs, uncovered);
   }
+  if (settings_.drop_solid_nodes) drop_solid_nodes();
   solid_node_links_.clear();
+  links_at_open_sides_.clear();
+  const auto beside_open_side = [this](const Node& node) {
+    const std::array<int, 3> at{node.x, node.y, node.z};
+    const std::array<int, 3> counts{grid().nx, grid().ny, grid().layers()};
+    for (std::size_t side = 0; side < 2 * static_cast<std::size_t>(grid().dimension()); ++side) {
+      const int distance = side % 2 == 0 ? at[side / 2] : counts[side / 2] - 1 - at[side / 2];
+      if (distance < 2 && is_open(settings_.sides[side].kind)) return true;
+    }
+    return false;
+  };
   for (int row = 0; row < grid().rows(); ++row) {
     const int y = row % grid().ny;
     const int z = row / grid().ny;
@@ -184,12 +199,42 @@ void Flow::set_solid_nodes(const std::vector<std::uint16_t>& solid) {
           if (!grid().inside(end.x, end.y, end.z)) continue;
           const std::uint16_t body = solid[grid().index(end.x, end.y, end.z)];
           if (body == 0) continue;
-          solid_node_links_.add({x, y, z}, i, body - 1U, {x + 0.5 * c[0], y + 0.5 * c[1], z + 0.5 * c[2]},
-                                populations_);
+          StillLinks& links = beside_open_side({x, y, z}) ? links_at_open_sides_ : solid_node_links_;
+          links.add({x, y, z}, i, body - 1U, {x + 0.5 * c[0], y + 0.5 * c[1], z + 0.5 * c[2]}, populations_);
         }
       }
     }
   }
+}
+
+// Among pores most memory would be that of the solid, which the processor fetches along with the fluid's.
+void Flow::drop_solid_nodes() {
+  const Grid& g = grid();
+  std::vector<std::uint8_t> needed(g.size(), 0);
+  const auto mark = [&](int x, int y, int z) {
+    x = g.wrap_x(x);
+    y = g.wrap_y(y);
+    z = g.wrap_z(z);
+    if (g.inside(x, y, z)) needed[g.index(x, y, z)] = 1;
+  };
+  const int reach_z = g.nz > 0 ? 1 : 0;
+  for (int row = 0; row < g.rows(); ++row) {
+    const int y = row % g.ny;
+    const int z = row / g.ny;
+    for (int x = 0; x < g.nx; ++x) {
+      if ((cells_.state(x, y, z) & cell_obstacle) != 0) continue;
+      for (int dz = -reach_z; dz <= reach_z; ++dz) {
+        for (int dy = -1; dy <= 1; ++dy) {
+          for (int dx = -1; dx <= 1; ++dx) mark(x + dx, y + dy, z + dz);
+        }
+      }
+    }
+  }
+  const auto held = std::count(needed.begin(), needed.end(), 1);
+  constexpr double worthwhile = 0.9;
+  if (static_cast<double>(held) > worthwhile * static_cast<double>(needed.size())) return;
+  populations_.pack(needed);
+  if (obstacles_) link_obstacles();
 }
 
 void Flow::copy_to(State& state) const {
@@ -214,7 +259,12 @@ void Flow::give_back(const State& state, std::span<const double> positions,
   sides_complete_ = state.sides_complete;
 }
 
-void Flow::apply_rules(Parity parity, bool sides_complete) {
+// Links of solid nodes that nothing looks at before the step.
+bool Flow::reflects_within_step() const {
+  return !solid_node_links_.empty() && !obstacles_ && !wet_ && bodies_.empty() && saturated_.empty();
+}
+
+void Flow::apply_rules(Parity parity, bool sides_complete, bool within_step) {
   const bool compressible = settings_.equilibrium == EquilibriumModel::compressible;
   exchange_and_reflect(populations_, parity, settings_.sides);
   if (obstacles_) obstacle_links_.reflect(populations_, parity, compressible);
@@ -222,7 +272,8 @@ void Flow::apply_rules(Parity parity, bool sides_complete) {
   if (!bodies_.empty()) bodies_.links().reflect(populations_, parity, compressible, settings_.acceleration);
   if (!outline_links_.empty())
     outline_links_.reflect(populations_, parity, compressible, settings_.acceleration);
-  if (!solid_node_links_.empty()) solid_node_links_.reflect(populations_, parity);
+  if (!links_at_open_sides_.empty()) links_at_open_sides_.reflect(populations_, parity);
+  if (!solid_node_links_.empty() && !within_step) solid_node_links_.reflect(populations_, parity);
   if (obstacles_) obstacle_edges_.close(populations_, parity, compressible);
   if (wet_) wet_edges_.close(populations_, parity, compressible);
   complete_open_sides(populations_, parity, cells_, settings_.sides, settings_.equilibrium,
@@ -238,7 +289,9 @@ BodyLoad Flow::body_load(std::size_t body) const {
 }
 
 BodyLoad Flow::solid_nodes_load() const {
-  return solid_node_links_.load(populations_, populations_.parity());
+  BodyLoad load = solid_node_links_.load(populations_, populations_.parity());
+  load += links_at_open_sides_.load(populations_, populations_.parity());
+  return load;
 }
 
 Force Flow::wet_force() const {
@@ -255,6 +308,7 @@ Force Flow::obstacle_force() const {
 
 BodyLoad Flow::obstacle_load(std::uint32_t body) const {
   BodyLoad load = solid_node_links_.load(populations_, populations_.parity(), body);
+  load += links_at_open_sides_.load(populations_, populations_.parity(), body);
   if (!obstacles_) return load;
   if (outline_rule_) {
     load += outline_links_.load(populations_, populations_.parity(), body);
@@ -275,17 +329,20 @@ int Flow::threads() const {
 void Flow::run(std::size_t steps) {
   const Parity start = populations_.parity();
   const Parity other = start == Parity::even ? Parity::odd : Parity::even;
+  stretches_.follow(cells_, populations_);
+  const bool within_step = reflects_within_step();
+  const FluidNodes nodes{cells_.rows(), &stretches_, within_step ? &solid_node_links_ : nullptr};
 #pragma omp parallel num_threads(threads())
   for (std::size_t n = 0; n < steps; ++n) {
     const Parity parity = n % 2 == 0 ? start : other;
-    if (n > 0 || !rules_applied_) apply_rules(parity, n == 0 && sides_complete_);
+    if (n > 0 || !rules_applied_) apply_rules(parity, n == 0 && sides_complete_, within_step);
     if (measure_bodies_ && !bodies_.empty()) bodies_.add_loads(populations_, parity);
     if (saturated_.empty()) {
-      step_(populations_, parity, cells_.rows(), parameters_);
+      step_(populations_, parity, nodes, parameters_);
       continue;
     }
     saturated_.keep(populations_, parity);
-    step_(populations_, parity, cells_.rows(), parameters_);
+    step_(populations_, parity, nodes, parameters_);
     saturated_.replace(populations_, parity, parameters_, settings_.equilibrium);
   }
   populations_.set_parity(steps % 2 == 0 ? start : other);

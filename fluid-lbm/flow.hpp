@@ -16,6 +16,7 @@
 #include "saturated_cells.hpp"
 #include "sides.hpp"
 #include "still_links.hpp"
+#include "stretches.hpp"
 #include "surface.hpp"
 #include "wet_load.hpp"
 
@@ -33,6 +34,7 @@ struct FlowSettings {
   double magic_parameter = 3.0 / 16.0;   // where the viscosity varies
   ViscosityLaw law;
   Storage storage = Storage::double_precision;
+  bool drop_solid_nodes = true;  // from memory, where that saves a tenth of it; changes no bit of any result
   RefillRule refill = RefillRule::extrapolated_nonequilibrium;  // behind moving discs and spheres
 
   [[nodiscard]] StepChoice step() const {
@@ -141,7 +143,10 @@ public:
 private:
   MoveCounts place(std::span<const double> positions, std::span<const double> velocities,
                    double velocity_scale, bool fill);
-  void apply_rules(Parity parity, bool sides_complete);
+  void link_obstacles();
+  void drop_solid_nodes();
+  void apply_rules(Parity parity, bool sides_complete, bool within_step = false);
+  [[nodiscard]] bool reflects_within_step() const;
   [[nodiscard]] int threads() const;
 
   FlowSettings settings_;
@@ -162,8 +167,10 @@ private:
   SaturatedCells saturated_;
   RoundBodies bodies_;
   StillLinks solid_node_links_;
+  StillLinks links_at_open_sides_;  // of solid nodes, those whose outcome an open side looks at
+  Stretches stretches_;
   WallLinks outline_links_;  // of obstacles with a rule
-  bool outline_rule_ = false;
+  std::optional<WallRule> outline_rule_;
   std::vector<std::uint32_t> outline_bodies_;  // per node of the obstacles' outlines
   std::vector<double> placed_;                 // positions and velocities as last given
   std::vector<double> obstacle_bounds_;        // left, bottom, right, top in lattice coordinates

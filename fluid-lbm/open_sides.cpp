@@ -10,18 +10,28 @@ namespace {
 template <class Lattice>
 using Values = std::array<double, Lattice::count>;
 
-// Places of a node's populations, counted from the node: the same for all nodes.
+// Places of a node's populations, counted from the node: the same for all nodes unless memory is packed.
 template <class Lattice>
 struct Places {
-  Places(const Populations& p, Parity parity) {
+  Places() = default;
+  Places(const Populations& p, Parity parity, std::ptrdiff_t node) {
     for (int i = 0; i < Lattice::count; ++i) {
-      incoming[static_cast<std::size_t>(i)] = p.incoming(parity, i, 0);
-      leaving[static_cast<std::size_t>(i)] = p.post_collision(parity, i, 0);
+      incoming[static_cast<std::size_t>(i)] = p.incoming(parity, i, node) - node;
+      leaving[static_cast<std::size_t>(i)] = p.post_collision(parity, i, node) - node;
     }
   }
   std::array<std::ptrdiff_t, Lattice::count> incoming;
   std::array<std::ptrdiff_t, Lattice::count> leaving;
 };
+
+// The places of one node; `own` has room for them.
+template <class Lattice>
+const Places<Lattice>& places_of(const Populations& p, Parity parity, std::ptrdiff_t node,
+                                 const Places<Lattice>& usual, Places<Lattice>& own) {
+  if (!p.packed()) return usual;
+  own = Places<Lattice>(p, parity, node);
+  return own;
+}
 
 template <class Lattice>
 Values<Lattice> read(const Populations& p, const std::array<std::ptrdiff_t, Lattice::count>& places,
@@ -68,10 +78,10 @@ Moments with_velocity_of(const Moments& m, double excess, int axis, const Contex
 // Density and velocity one step on, from the waves that leave and the one that the wanted pressure sends in.
 // Read from what left the node and its inner neighbour at the last step.
 template <class Lattice>
-Moments let_out(const Populations& p, const Places<Lattice>& places, std::ptrdiff_t node,
-                std::ptrdiff_t inner, double excess, const SideFrame& frame, const Context& context) {
-  const Moments here = moments_of<Lattice>(read<Lattice>(p, places.leaving, node));
-  const Moments there = moments_of<Lattice>(read<Lattice>(p, places.leaving, inner));
+Moments let_out(const Values<Lattice>& f, const Values<Lattice>& f_inner, double excess,
+                const SideFrame& frame, const Context& context) {
+  const Moments here = moments_of<Lattice>(f);
+  const Moments there = moments_of<Lattice>(f_inner);
   const double inverse = inverse_of(context, here.excess);
   const double density = 1 / inverse;
   const double there_inverse = inverse_of(context, there.excess);
@@ -193,8 +203,8 @@ void complete_node(Populations& p, const Places<Lattice>& places, std::ptrdiff_t
 // Nodes of a side exchange populations with each other and with the same inner nodes, so that all are looked
 // at before any is changed.
 template <class Lattice>
-void let_all_out(Populations& p, const Places<Lattice>& places, const Cells& cells, const SideFrame& frame,
-                 Side& side, const Context& context) {
+void let_all_out(Populations& p, Parity parity, const Places<Lattice>& usual, const Cells& cells,
+                 const SideFrame& frame, Side& side, const Context& context) {
 #pragma omp single
   side.next.resize(static_cast<std::size_t>(frame.size()));
 #pragma omp for schedule(static)
@@ -203,9 +213,13 @@ void let_all_out(Populations& p, const Places<Lattice>& places, const Cells& cel
     const std::array<int, 3> inner = frame.inner(at);
     if (!cells.fluid(at[0], at[1], at[2]) || !cells.fluid(inner[0], inner[1], inner[2])) continue;
     const auto entry = static_cast<std::size_t>(k);
-    side.next[entry] =
-        let_out<Lattice>(p, places, p.node(at[0], at[1], at[2]), p.node(inner[0], inner[1], inner[2]),
-                         side.excess[entry], frame, context);
+    const std::ptrdiff_t here = p.node(at[0], at[1], at[2]);
+    const std::ptrdiff_t there = p.node(inner[0], inner[1], inner[2]);
+    const auto leaving = [&](std::ptrdiff_t node) {
+      Places<Lattice> own;
+      return read<Lattice>(p, places_of(p, parity, node, usual, own).leaving, node);
+    };
+    side.next[entry] = let_out<Lattice>(leaving(here), leaving(there), side.excess[entry], frame, context);
   }
 }
 
@@ -213,9 +227,9 @@ template <class Lattice, class Chosen>
 void complete(Populations& p, Parity parity, const Cells& cells, int name, Side& side,
               const Context& context) {
   const SideFrame frame(name, {p.nx(), p.ny(), p.nz() > 0 ? p.nz() : 1});
-  const Places<Lattice> places(p, parity);
+  const Places<Lattice> usual(p, parity, p.node(0, 0, 0));
   const bool from_inside = side.kind == SideKind::pressure || side.kind == SideKind::outflow;
-  if (side.kind == SideKind::outflow) let_all_out<Lattice>(p, places, cells, frame, side, context);
+  if (side.kind == SideKind::outflow) let_all_out<Lattice>(p, parity, usual, cells, frame, side, context);
 #pragma omp for schedule(static) nowait
   for (int k = 0; k < frame.size(); ++k) {
     const std::array<int, 3> at = frame.node(k);
@@ -223,8 +237,12 @@ void complete(Populations& p, Parity parity, const Cells& cells, int name, Side&
     const std::ptrdiff_t node = p.node(at[0], at[1], at[2]);
     const std::array<int, 3> inner = frame.inner(at);
     const auto entry = static_cast<std::size_t>(k);
+    Places<Lattice> own;
+    const Places<Lattice>& places = places_of(p, parity, node, usual, own);
     if (from_inside && cells.fluid(inner[0], inner[1], inner[2])) {
-      const auto f = read<Lattice>(p, places.incoming, p.node(inner[0], inner[1], inner[2]));
+      const std::ptrdiff_t there = p.node(inner[0], inner[1], inner[2]);
+      Places<Lattice> own_there;
+      const auto f = read<Lattice>(p, places_of(p, parity, there, usual, own_there).incoming, there);
       const Moments m = moments_of<Lattice>(f);
       const Moments wanted = side.kind == SideKind::outflow
                                  ? side.next[entry]

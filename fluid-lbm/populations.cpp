@@ -60,11 +60,7 @@ Populations::Populations(const Grid& grid, Storage storage)
     const auto& c = lattice_.velocity[i];
     steps_[static_cast<std::size_t>(i)] = c[2] * layer_ + c[1] * pitch_ + c[0];
   }
-  if (storage == Storage::single_precision) {
-    single_.reset(static_cast<float*>(reserve(size_ * sizeof(float))));
-  } else {
-    double_.reset(static_cast<double*>(reserve(size_ * sizeof(double))));
-  }
+  reserve_memory(storage);
   // Each thread touches first what it will work on.
   const std::ptrdiff_t all_rows = layers(nz_) * (ny_ + 2);
   visit([&](auto* const values) {
@@ -76,6 +72,59 @@ Populations::Populations(const Grid& grid, Storage storage)
       std::fill_n(values + i * plane_ + all_rows * pitch_, plane_ - all_rows * pitch_, 0);
     }
   });
+}
+
+void Populations::reserve_memory(Storage storage) {
+  single_.reset();
+  double_.reset();
+  if (storage == Storage::single_precision) {
+    single_.reset(static_cast<float*>(reserve(size_ * sizeof(float))));
+  } else {
+    double_.reset(static_cast<double*>(reserve(size_ * sizeof(double))));
+  }
+}
+
+void Populations::pack(const std::vector<std::uint8_t>& needed) {
+  std::vector<double> before;
+  copy_to(before);
+  const std::ptrdiff_t plane_before = plane_;
+  std::vector<std::int32_t> places(static_cast<std::size_t>(layers(nz_) * (ny_ + 2) * pitch_), -1);
+  const bool space = nz_ > 0;
+  std::ptrdiff_t next = 0;
+  for (int z = space ? -1 : 0; z <= (space ? nz_ : 0); ++z) {
+    for (int y = -1; y <= ny_; ++y) {
+      // As without packing, node 0 of each row starts a cache line.
+      next = round_up(next, cache_line) + cache_line - 1;
+      bool held = true;
+      for (int x = -1; x <= nx_; ++x) {
+        const bool rim =
+            x <= 0 || x >= nx_ - 1 || y <= 0 || y >= ny_ - 1 || (space && (z <= 0 || z >= nz_ - 1));
+        const bool holds =
+            rim || needed[(static_cast<std::size_t>(space ? z : 0) * static_cast<std::size_t>(ny_) +
+                           static_cast<std::size_t>(y)) *
+                              static_cast<std::size_t>(nx_) +
+                          static_cast<std::size_t>(x)] != 0;
+        // The last vector of a stretch reaches beyond it, where nothing that counts may lie.
+        if (held && !holds) next += cache_line - 1;
+        if (holds) places[static_cast<std::size_t>(node(x, y, z))] = static_cast<std::int32_t>(next++);
+        held = holds;
+      }
+    }
+  }
+  plane_ = round_up(next + 2 * cache_line, page) + (space ? 3 : 7) * cache_line;
+  size_ = static_cast<std::size_t>(lattice_.count * plane_);
+  reserve_memory(storage());
+  visit([&](auto* const values) {
+    std::fill_n(values, size_, 0);
+    for (int i = 0; i < lattice_.count; ++i) {
+      for (std::size_t n = 0; n < places.size(); ++n) {
+        if (places[n] < 0) continue;
+        values[i * plane_ + places[n]] = static_cast<std::remove_cvref_t<decltype(*values)>>(
+            before[static_cast<std::size_t>(i * plane_before) + n]);
+      }
+    }
+  });
+  places_ = std::move(places);
 }
 
 void Populations::copy_to(std::vector<double>& values) const {

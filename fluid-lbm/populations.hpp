@@ -20,6 +20,7 @@
 
 #include <array>
 #include <cstddef>
+#include <cstdint>
 #include <memory>
 #include <span>
 #include <type_traits>
@@ -40,8 +41,8 @@ constexpr std::size_t index_of(Parity parity) {
   return parity == Parity::even ? 0 : 1;
 }
 
-/// How a population is kept in memory and collided: in single precision half the bytes move, and twice as many
-/// nodes share a vector register; f_i - w_i has 24 bits. Boundary rules compute in double precision.
+/// How a population is kept in memory and collided: in single precision half the bytes move, and twice as
+/// many nodes share a vector register; f_i - w_i has 24 bits. Boundary rules compute in double precision.
 enum class Storage { double_precision, single_precision };
 
 class Populations {
@@ -70,9 +71,27 @@ public:
     return nz_ > 0 ? node(0, row % ny_, row / ny_) : node(0, row);
   }
   [[nodiscard]] std::ptrdiff_t pitch() const { return pitch_; }
+  [[nodiscard]] std::ptrdiff_t layer() const { return layer_; }
   /// How far the neighbour along direction i lies in a plane.
   [[nodiscard]] std::ptrdiff_t step(int i) const { return steps_[static_cast<std::size_t>(i)]; }
-  [[nodiscard]] std::ptrdiff_t slot(int i, std::ptrdiff_t node) const { return i * plane_ + node; }
+  /// Where a node stands in each plane; the planes are `plane` values apart.
+  [[nodiscard]] std::ptrdiff_t place(std::ptrdiff_t node) const {
+    return places_.empty() ? node : places_[static_cast<std::size_t>(node)];
+  }
+  [[nodiscard]] std::ptrdiff_t plane() const { return plane_; }
+  [[nodiscard]] std::ptrdiff_t slot(int i, std::ptrdiff_t node) const { return i * plane_ + place(node); }
+
+  /// Gives up the memory of the nodes that never will be fluid nor next to fluid: `needed` says so of each
+  /// node (Grid::index). Nodes of the grid's outermost layer keep theirs. Rows then lie in memory without
+  /// their long gaps, each stretch of needed nodes together, so that a stretch of a row and the nodes beside
+  /// it in the rows around stand at constant distances. Slots learned before are worth nothing afterwards.
+  void pack(const std::vector<std::uint8_t>& needed);
+  /// Places of a row and of its neighbours are at constant distances along stretches of fluid only.
+  [[nodiscard]] bool packed() const { return !places_.empty(); }
+  /// Whether the node has memory.
+  [[nodiscard]] bool holds(std::ptrdiff_t node) const {
+    return places_.empty() || places_[static_cast<std::size_t>(node)] >= 0;
+  }
 
   [[nodiscard]] std::ptrdiff_t post_collision(Parity parity, int i, std::ptrdiff_t node) const {
     return parity == Parity::even ? slot(opposite(i), node) : slot(i, node + step(i));
@@ -138,6 +157,7 @@ private:
     void operator()(void* memory) const;
   };
   [[nodiscard]] int opposite(int i) const { return lattice_.opposite[i]; }
+  void reserve_memory(Storage storage);
 
   LatticeTable lattice_;
   int nx_;
@@ -149,6 +169,7 @@ private:
   std::ptrdiff_t origin_;
   std::size_t size_;
   std::array<std::ptrdiff_t, most_velocities> steps_{};
+  std::vector<std::int32_t> places_;         // of each node inside a plane when packed, -1 without memory
   std::unique_ptr<double, Release> double_;  // one of these
   std::unique_ptr<float, Release> single_;
   Parity parity_ = Parity::odd;

@@ -6,11 +6,11 @@
 // that is solid and t = tau+ - 1/2, the node's populations after the collision are
 //   f* = (1 - B) f*_fluid + B f + B Omega,    B = e t / (1 - e + t),
 //   Omega_i = f_o - f_i + f_i^eq(rho, u_grain) - f_o^eq(rho, u_grain)        (o opposite of i)
-// and the grain feels - sum_i B Omega_i c_i, at the node, per step. A covered cell bounces back on the spot; with
-// f_o^eq(rho, u) of the fluid's own velocity instead, as first published, it would let density diffuse through
-// the grain. The momentum among what is turned back is relaxed a little, so that a grain's push does not ring
-// in it (`turning` in the source). Where several grains share a cell B is divided by their shares; when they
-// overlap the shares are reduced to add up to one.
+// and the grain feels - sum_i B Omega_i c_i, at the node, per step. A covered cell bounces back on the spot;
+// with f_o^eq(rho, u) of the fluid's own velocity instead, as first published, it would let density diffuse
+// through the grain. The momentum among what is turned back is relaxed a little, so that a grain's push does
+// not ring in it (`turning` in the source). Where several grains share a cell B is divided by their shares;
+// when they overlap the shares are reduced to add up to one.
 //
 // Works with every collision operator, because the fluid's own collision is done first and then replaced in
 // part. A body force acts on a cell's fluid part only; the force on a grain does not contain the buoyancy of

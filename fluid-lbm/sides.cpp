@@ -50,22 +50,28 @@ void copy_across(Populations& p, Parity parity, int axis, int towards) {
     node[static_cast<std::size_t>(v)] = at_v;
     return p.node(node[0], node[1], node[2]);
   };
+  // Lines along x are whole in memory; others have equal distances unless memory is packed.
+  const bool regular = u == 0 || !p.packed();
   const std::ptrdiff_t along = place(0, 1, 0) - place(0, 0, 0);
-  const std::ptrdiff_t up = place(0, 0, 1) - place(0, 0, 0);
   const int piece = lines > 1 ? across : line_piece;
   const int pieces = (across + piece - 1) / piece;
   for (int i = 1; i < lattice.count; ++i) {
     if (lattice.velocity[i][static_cast<std::size_t>(axis)] != towards) continue;
     const int plane = even ? lattice.opposite[i] : i;
-    const std::ptrdiff_t target = p.slot(plane, place(to, first_u, first_v));
-    const std::ptrdiff_t source = p.slot(plane, place(from, first_u, first_v));
 #pragma omp for schedule(static) nowait
     for (int job = 0; job < lines * pieces; ++job) {
-      const int line = job / pieces;
+      const int line = first_v + job / pieces;
       const int begin = job % pieces * piece;
-      const std::ptrdiff_t offset = line * up + begin * along;
+      const int begin_u = first_u + begin;
+      const int length = std::min(piece, across - begin);
       p.visit([&](auto* const f) {
-        copy_line(f + target + offset, f + source + offset, along, std::min(piece, across - begin));
+        if (regular) {
+          copy_line(f + p.slot(plane, place(to, begin_u, line)),
+                    f + p.slot(plane, place(from, begin_u, line)), along, length);
+          return;
+        }
+        for (int k = begin_u; k < begin_u + length; ++k)
+          f[p.slot(plane, place(to, k, line))] = f[p.slot(plane, place(from, k, line))];
       });
     }
   }
@@ -134,9 +140,8 @@ void reflect_at_wall(Populations& p, Parity parity, const Sides& sides, int name
     const std::array<int, 3> at = frame.node(k);
     return p.node(at[0], at[1], at[2]);
   };
-  const std::ptrdiff_t origin = place(0);
-  const std::ptrdiff_t along = frame.along_u() > 1 ? place(1) - origin : 0;
-  const std::ptrdiff_t up = frame.along_v() > 1 ? place(frame.along_u()) - origin : 0;
+  const std::ptrdiff_t along = frame.along_u() > 1 ? place(1) - place(0) : 0;
+  const bool regular = frame.u == 0 || !p.packed();
   const int inner = std::max(frame.along_u() - 2, 0);  // of a line
   // Lines are shared out in pieces, so that several threads have something to do in the plane.
   const int pieces = plane ? (inner + line_piece - 1) / line_piece : 1;
@@ -145,24 +150,33 @@ void reflect_at_wall(Populations& p, Parity parity, const Sides& sides, int name
   for (int i = 1; i < lattice.count; ++i) {
     const auto& c = lattice.velocity[i];
     if (c[normal] != frame.outward) continue;
-    const std::ptrdiff_t leaving = p.post_collision(parity, i, origin);
-    const std::ptrdiff_t back = p.incoming(parity, lattice.opposite[i], origin);
     const double weight = 6.0 * lattice.weight[i];
 #pragma omp for schedule(static) nowait
     for (int job = 0; job < lines * pieces; ++job) {
       const int line = first_line + job / pieces;
       const int from = 1 + job % pieces * line_piece;
       const int count = plane ? std::min(line_piece, inner + 1 - from) : inner;
-      const std::ptrdiff_t offset = line * up + from * along;
-      if (!moving) {
-        p.visit([&](auto* const f) { copy_line(f + back + offset, f + leaving + offset, along, count); });
+      const int first = line * frame.along_u() + from;
+      const std::ptrdiff_t leaving = p.post_collision(parity, i, place(first));
+      const std::ptrdiff_t back = p.incoming(parity, lattice.opposite[i], place(first));
+      if (!moving && regular) {
+        p.visit([&](auto* const f) { copy_line(f + back, f + leaving, along, count); });
         continue;
       }
       for (int k = 0; k < count; ++k) {
-        const std::size_t hit = frame.wall_point(line * frame.along_u() + from + k, c);
-        double along_wall = c[0] * side.velocity_x[hit] + c[1] * side.velocity_y[hit];
-        if (!side.velocity_z.empty()) along_wall += c[2] * side.velocity_z[hit];
-        p[back + offset + k * along] = p[leaving + offset + k * along] - weight * along_wall;
+        double along_wall = 0;
+        if (moving) {
+          const std::size_t hit = frame.wall_point(first + k, c);
+          along_wall = c[0] * side.velocity_x[hit] + c[1] * side.velocity_y[hit];
+          if (!side.velocity_z.empty()) along_wall += c[2] * side.velocity_z[hit];
+        }
+        if (regular) {
+          p[back + k * along] = p[leaving + k * along] - weight * along_wall;
+          continue;
+        }
+        const std::ptrdiff_t node = place(first + k);
+        p[p.incoming(parity, lattice.opposite[i], node)] =
+            p[p.post_collision(parity, i, node)] - weight * along_wall;
       }
     }
 #pragma omp for schedule(static) nowait

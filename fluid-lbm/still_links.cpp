@@ -1,30 +1,54 @@
 #include "still_links.hpp"
 
+#include <algorithm>
+
 namespace estuary::fluid {
 
 void StillLinks::clear() {
   links_.clear();
   places_.clear();
+  first_of_row_.clear();
 }
 
 void StillLinks::add(Node node, int i, std::uint32_t body, const std::array<double, 3>& arm,
                      const Populations& layout) {
+  const bool space = layout.nz() > 0;
+  reach_ = space ? layout.ny() + 1 : 1;
+  const auto row = static_cast<std::size_t>(node.y + (space ? layout.ny() * node.z : 0));
+  while (first_of_row_.size() <= row) first_of_row_.push_back(links_.size());
   const std::ptrdiff_t here = layout.node(node.x, node.y, node.z);
   links_.push_back(
       {layout.post_collision(Parity::even, i, here), layout.post_collision(Parity::odd, i, here)});
   places_.push_back({body, i, arm});
 }
 
+template <class Stored>
+void StillLinks::reflect(Stored* f, Parity parity, std::size_t begin, std::size_t end) const {
+  if (parity == Parity::even) {
+    for (std::size_t n = begin; n < end; ++n) f[links_[n].at_neighbour] = f[links_[n].at_node];
+  } else {
+    for (std::size_t n = begin; n < end; ++n) f[links_[n].at_node] = f[links_[n].at_neighbour];
+  }
+}
+
 void StillLinks::reflect(Populations& populations, Parity parity) const {
-  const auto count = static_cast<std::ptrdiff_t>(links_.size());
-  const bool even = parity == Parity::even;
+  constexpr std::size_t piece = 1024;
+  const auto pieces = static_cast<std::ptrdiff_t>((links_.size() + piece - 1) / piece);
   populations.visit([&](auto* const f) {
 #pragma omp for schedule(static)
-    for (std::ptrdiff_t n = 0; n < count; ++n) {
-      const Link& link = links_[static_cast<std::size_t>(n)];
-      f[even ? link.at_neighbour : link.at_node] = f[even ? link.at_node : link.at_neighbour];
+    for (std::ptrdiff_t n = 0; n < pieces; ++n) {
+      const std::size_t begin = static_cast<std::size_t>(n) * piece;
+      reflect(f, parity, begin, std::min(begin + piece, links_.size()));
     }
   });
+}
+
+void StillLinks::reflect_rows(Populations& populations, Parity parity, int begin, int end) const {
+  const auto first = [this](int row) {
+    const auto n = static_cast<std::size_t>(row);
+    return n < first_of_row_.size() ? first_of_row_[n] : links_.size();
+  };
+  populations.visit([&](auto* const f) { reflect(f, parity, first(begin), first(end)); });
 }
 
 void StillLinks::add_load(const Populations& populations, Parity parity, std::size_t number,

@@ -19,11 +19,16 @@ namespace estuary::fluid {
 class StillLinks {
 public:
   void clear();
-  /// `arm` goes from where torques count to the middle of the link.
+  /// Rows in ascending order. `arm` goes from where torques count to the middle of the link.
   void add(Node node, int i, std::uint32_t body, const std::array<double, 3>& arm, const Populations& layout);
   [[nodiscard]] bool empty() const { return links_.empty(); }
   /// Every thread of a parallel region calls it.
   void reflect(Populations& populations, Parity parity) const;
+  /// The links of nodes in rows begin <= row < end, by the calling thread alone. A step may do this for a row
+  /// just before it passes over it, while the row is in the cache.
+  void reflect_rows(Populations& populations, Parity parity, int begin, int end) const;
+  /// How many rows away the far end of a link may lie.
+  [[nodiscard]] int reach() const { return reach_; }
   /// Momentum exchange, as `reflect` left the populations; on all bodies, or on one.
   [[nodiscard]] BodyLoad load(const Populations& populations, Parity parity) const;
   [[nodiscard]] BodyLoad load(const Populations& populations, Parity parity, std::uint32_t body) const;
@@ -40,8 +45,13 @@ private:
   };
   void add_load(const Populations& populations, Parity parity, std::size_t number, BodyLoad& total) const;
 
+  template <class Stored>
+  void reflect(Stored* f, Parity parity, std::size_t begin, std::size_t end) const;
+
   std::vector<Link> links_;
   std::vector<Place> places_;
+  std::vector<std::size_t> first_of_row_;  // of rows up to the last with a link
+  int reach_ = 0;
 };
 
 }  // namespace estuary::fluid

@@ -65,7 +65,7 @@ struct Bare : Case {
       const Parity parity = n % 2 == 0 ? start : other;
       exchange_and_reflect(populations, parity, sides);
       complete_open_sides(populations, parity, flow.cells(), sides, s.equilibrium, {}, false);
-      step(populations, parity, flow.cells().rows(), parameters);
+      step(populations, parity, {flow.cells().rows()}, parameters);
     }
     populations.set_parity(steps % 2 == 0 ? start : other);
   }

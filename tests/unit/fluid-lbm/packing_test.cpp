@@ -1,0 +1,137 @@
+// Memory without the solid's nodes, as among the pores of a picture.
+#include <gtest/gtest.h>
+#include <omp.h>
+
+#include <random>
+
+#include "flow_cases.hpp"
+
+namespace estuary::fluid {
+namespace {
+
+// Blobs and single nodes at random, most of the box; the outermost nodes as they come.
+std::vector<std::uint16_t> grains_of(const Grid& grid) {
+  std::mt19937 random(7);
+  std::vector<std::uint16_t> solid(grid.size(), 0);
+  std::uniform_int_distribution<int> any(0, 1 << 30);
+  const int depth = grid.layers();
+  for (int blob = 0; blob < (depth > 1 ? 70 : 45); ++blob) {
+    const int x0 = any(random) % grid.nx;
+    const int y0 = any(random) % grid.ny;
+    const int z0 = any(random) % depth;
+    const int radius = blob % 9;
+    for (int z = 0; z < depth; ++z) {
+      for (int y = 0; y < grid.ny; ++y) {
+        for (int x = 0; x < grid.nx; ++x) {
+          const int square = (x - x0) * (x - x0) + (y - y0) * (y - y0) + (z - z0) * (z - z0);
+          if (square <= radius * radius) solid[grid.index(x, y, z)] = 1;
+        }
+      }
+    }
+  }
+  return solid;
+}
+
+FlowSettings settings_of(bool space, bool periodic, Storage storage) {
+  FlowSettings settings;
+  settings.grid = {space ? 31 : 71, space ? 19 : 53, 1.0, 0.0, 0.0};
+  if (space) settings.grid.nz = 17;
+  settings.rates = relaxation_rates(0.02, 3.0 / 16.0);
+  settings.storage = storage;
+  const int sides = side_count(settings.grid.dimension());
+  if (periodic) {
+    settings.grid.periodic_x = settings.grid.periodic_y = true;
+    settings.grid.periodic_z = space;
+    for (int s = 0; s < sides; ++s) settings.sides[static_cast<std::size_t>(s)].kind = SideKind::periodic;
+    settings.force = storage == Storage::double_precision ? ForceModel::guo : ForceModel::none;
+    settings.acceleration = {1e-5, -2e-5, space ? 1e-5 : 0.0};
+    return settings;
+  }
+  const auto nodes = static_cast<std::size_t>(settings.grid.rows());
+  Side& inlet = settings.sides[left];
+  inlet.kind = SideKind::velocity;
+  inlet.velocity_x.assign(nodes, 0.03);
+  inlet.velocity_y.assign(nodes, 0.0);
+  inlet.velocity_z.assign(space ? nodes : 0, 0.0);
+  settings.sides[right].kind = SideKind::outflow;
+  settings.sides[right].relaxation = 0.25;
+  settings.sides[right].excess.assign(nodes, 0.0);
+  // A sliding wall as well.
+  Side& lid = settings.sides[top];
+  const auto points =
+      static_cast<std::size_t>((2 * settings.grid.nx + 1) * (space ? 2 * settings.grid.nz + 1 : 1));
+  lid.velocity_x.assign(points, 0.02);
+  lid.velocity_y.assign(points, 0.0);
+  lid.velocity_z.assign(space ? points : 0, 0.0);
+  return settings;
+}
+
+struct Result {
+  Fields fields;
+  std::array<double, 3> force{};
+  std::size_t size = 0;
+};
+
+Result run(FlowSettings settings, bool drop, int threads) {
+  omp_set_num_threads(threads);
+  settings.drop_solid_nodes = drop;
+  Flow flow(settings);
+  flow.set_solid_nodes(grains_of(settings.grid));
+  Fields start;
+  std::mt19937 random(3);
+  std::uniform_real_distribution<double> any(-0.01, 0.01);
+  for (std::size_t n = 0; n < settings.grid.size(); ++n) {
+    start.velocity_x.push_back(any(random));
+    start.velocity_y.push_back(any(random));
+    if (settings.grid.nz > 0) start.velocity_z.push_back(any(random));
+    start.excess.push_back(any(random));
+  }
+  set_equilibrium(flow.populations(), start, settings.equilibrium);
+  flow.run(31);
+  Flow::State state;
+  flow.copy_to(state);
+  flow.run(10);
+  flow.give_back(state, {}, {}, 1.0);
+  flow.run(20);
+  Result result;
+  flow.compute_fields(result.fields);
+  result.force = flow.solid_nodes_load().force;
+  result.size = flow.populations().size();
+  return result;
+}
+
+// Every kind of side, both lattices and precisions: not a bit of the flow or of the force changes.
+TEST(Packing, ChangesNoBit) {
+  const int threads_before = omp_get_max_threads();
+  for (const bool space : {false, true}) {
+    for (const bool periodic : {false, true}) {
+      for (const Storage storage : {Storage::double_precision, Storage::single_precision}) {
+        const FlowSettings settings = settings_of(space, periodic, storage);
+        const Result whole = run(settings, false, 1);
+        EXPECT_GT(*std::max_element(whole.fields.velocity_x.begin(), whole.fields.velocity_x.end()), 1e-4);
+        for (const int threads : {1, 3}) {
+          const Result packed = run(settings, true, threads);
+          EXPECT_LT(packed.size, whole.size);
+          EXPECT_EQ(packed.fields.velocity_x, whole.fields.velocity_x) << space << periodic << threads;
+          EXPECT_EQ(packed.fields.velocity_y, whole.fields.velocity_y) << space << periodic << threads;
+          EXPECT_EQ(packed.fields.excess, whole.fields.excess) << space << periodic << threads;
+          EXPECT_EQ(packed.force, whole.force) << space << periodic << threads;
+        }
+      }
+    }
+  }
+  omp_set_num_threads(threads_before);
+}
+
+// Where there is little to save nothing is moved.
+TEST(Packing, LeavesOpenFlowsAlone) {
+  FlowSettings settings = settings_of(false, true, Storage::double_precision);
+  Flow flow(settings);
+  std::vector<std::uint16_t> solid(settings.grid.size(), 0);
+  for (int n = 0; n < 20; ++n) solid[settings.grid.index(5 * n, 3 * n)] = 1;
+  flow.set_solid_nodes(solid);
+  EXPECT_FALSE(flow.populations().packed());
+}
+
+}  // namespace
+}  // namespace estuary::fluid
