@@ -41,6 +41,14 @@ public:
   /// tells about its image.
   [[nodiscard]] std::uint8_t state(int x, int y, int z = 0) const { return states_[place(x, y, z)]; }
   [[nodiscard]] bool fluid(int x, int y, int z = 0) const { return states_[place(x, y, z)] == cell_fluid; }
+  /// In two dimensions: whether all eight nodes around are fluid, too.
+  [[nodiscard]] bool surrounded_by_fluid(int x, int y) const {
+    const std::uint8_t* const below = &states_[place(x - 1, y - 1, 0)];
+    const std::uint8_t* const beside = below + grid_.nx + 2;
+    const std::uint8_t* const above = beside + grid_.nx + 2;
+    return (below[0] | below[1] | below[2] | beside[0] | beside[2] | above[0] | above[1] | above[2]) ==
+           cell_fluid;
+  }
   /// Runs of fluid nodes of row y + ny z.
   [[nodiscard]] const std::vector<Span>& row(int row) const { return rows_[static_cast<std::size_t>(row)]; }
   [[nodiscard]] const std::vector<std::vector<Span>>& rows() const { return rows_; }

@@ -160,12 +160,12 @@ template <class Lattice>
 struct FluidNodes {
   const std::vector<std::vector<Span>>& rows;  // runs of each row
   const Stretches* stretches = nullptr;        // the same in packed memory; needed there
-  const StillLinks* links = nullptr;           // walls half-way on links that the step reflects at, or none
+  const StillLinks* links = nullptr;           // walls half-way on links that the step reflects at afterwards
 };
 
 /// Does one step of the kind that follows `parity`, the kind of the step before; the caller notes the new
-/// parity. The boundary rules must have been applied, but for `links`. To be called by every thread of a
-/// parallel region (or outside one).
+/// parity. The boundary rules must have been applied. To be called by every thread of a parallel region (or
+/// outside one).
 using CollideAndStream = void (*)(Populations&, Parity, const FluidNodes&, const CollisionParameters&);
 
 /// Which compiled variant of the step.

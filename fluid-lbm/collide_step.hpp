@@ -1,8 +1,6 @@
 // The one text of the step, for every lattice and option. Included by the files that compile variants of it.
 #pragma once
 
-#include <algorithm>
-
 #include "collision_operators.hpp"
 #include "row_shares.hpp"
 #include "still_links.hpp"
@@ -123,19 +121,9 @@ void pass(Populations& populations, Parity parity, const FluidNodes& nodes,
   std::array<typename Lanes<Real>::Mask, static_cast<std::size_t>(Lanes<Real>::count)> masks;
   for (std::size_t k = 0; k < masks.size(); ++k) masks[k] = first_lanes<Real>(static_cast<int>(k));
   const RowShare share = row_share(populations.rows());
-  const StillLinks* const links = nodes.links;
-  // Links whose far end lies in another thread's rows come first: they read what the last vector of a run
-  // there writes back.
-  const int reach = links == nullptr ? 0 : std::min(links->reach(), share.end - share.begin);
-  if (links != nullptr) {
-    links->reflect_rows(populations, parity, share.begin, share.begin + reach);
-    links->reflect_rows(populations, parity, std::max(share.end - reach, share.begin + reach), share.end);
-#pragma omp barrier
-  }
   const bool packed = populations.packed();
   for (int row = share.begin; row < share.end; ++row) {
-    if (links != nullptr && row >= share.begin + reach && row < share.end - reach)
-      links->reflect_rows(populations, parity, row, row + 1);
+    if (nodes.links != nullptr) nodes.links->reflect_behind(populations, parity, share, row);
     if (packed) {
       const Stretches::Stretch* const last = nodes.stretches->end(row);
       for (const auto* stretch = nodes.stretches->begin(row); stretch != last; ++stretch) {
@@ -149,6 +137,10 @@ void pass(Populations& populations, Parity parity, const FluidNodes& nodes,
       update_run<Lattice, Collision, Equilibrium, Force, Viscosity, Real>(place, span.begin, span.end, own,
                                                                           masks);
     }
+  }
+  if (nodes.links != nullptr) {
+#pragma omp barrier
+    nodes.links->reflect_rest(populations, parity, share);
   }
 #pragma omp barrier
 }

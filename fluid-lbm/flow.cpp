@@ -178,8 +178,9 @@ void Flow::set_solid_nodes(const std::vector<std::uint16_t>& solid) {
   }
   if (settings_.drop_solid_nodes) drop_solid_nodes();
   solid_node_links_.clear();
-  links_at_open_sides_.clear();
-  const auto beside_open_side = [this](const Node& node) {
+  links_at_sides_.clear();
+  const auto depends_on_side = [this](const Node& node, bool across) {
+    if (across) return true;
     const std::array<int, 3> at{node.x, node.y, node.z};
     const std::array<int, 3> counts{grid().nx, grid().ny, grid().layers()};
     for (std::size_t side = 0; side < 2 * static_cast<std::size_t>(grid().dimension()); ++side) {
@@ -199,7 +200,8 @@ void Flow::set_solid_nodes(const std::vector<std::uint16_t>& solid) {
           if (!grid().inside(end.x, end.y, end.z)) continue;
           const std::uint16_t body = solid[grid().index(end.x, end.y, end.z)];
           if (body == 0) continue;
-          StillLinks& links = beside_open_side({x, y, z}) ? links_at_open_sides_ : solid_node_links_;
+          const bool across = end != Node{x + c[0], y + c[1], z + c[2]};
+          StillLinks& links = depends_on_side({x, y, z}, across) ? links_at_sides_ : solid_node_links_;
           links.add({x, y, z}, i, body - 1U, {x + 0.5 * c[0], y + 0.5 * c[1], z + 0.5 * c[2]}, populations_);
         }
       }
@@ -272,7 +274,7 @@ void Flow::apply_rules(Parity parity, bool sides_complete, bool within_step) {
   if (!bodies_.empty()) bodies_.links().reflect(populations_, parity, compressible, settings_.acceleration);
   if (!outline_links_.empty())
     outline_links_.reflect(populations_, parity, compressible, settings_.acceleration);
-  if (!links_at_open_sides_.empty()) links_at_open_sides_.reflect(populations_, parity);
+  if (!links_at_sides_.empty()) links_at_sides_.reflect(populations_, parity);
   if (!solid_node_links_.empty() && !within_step) solid_node_links_.reflect(populations_, parity);
   if (obstacles_) obstacle_edges_.close(populations_, parity, compressible);
   if (wet_) wet_edges_.close(populations_, parity, compressible);
@@ -290,7 +292,7 @@ BodyLoad Flow::body_load(std::size_t body) const {
 
 BodyLoad Flow::solid_nodes_load() const {
   BodyLoad load = solid_node_links_.load(populations_, populations_.parity());
-  load += links_at_open_sides_.load(populations_, populations_.parity());
+  load += links_at_sides_.load(populations_, populations_.parity());
   return load;
 }
 
@@ -308,7 +310,7 @@ Force Flow::obstacle_force() const {
 
 BodyLoad Flow::obstacle_load(std::uint32_t body) const {
   BodyLoad load = solid_node_links_.load(populations_, populations_.parity(), body);
-  load += links_at_open_sides_.load(populations_, populations_.parity(), body);
+  load += links_at_sides_.load(populations_, populations_.parity(), body);
   if (!obstacles_) return load;
   if (outline_rule_) {
     load += outline_links_.load(populations_, populations_.parity(), body);
@@ -335,7 +337,7 @@ void Flow::run(std::size_t steps) {
 #pragma omp parallel num_threads(threads())
   for (std::size_t n = 0; n < steps; ++n) {
     const Parity parity = n % 2 == 0 ? start : other;
-    if (n > 0 || !rules_applied_) apply_rules(parity, n == 0 && sides_complete_, within_step);
+    if (n > 0 || !rules_applied_) apply_rules(parity, n == 0 && sides_complete_, within_step && n > 0);
     if (measure_bodies_ && !bodies_.empty()) bodies_.add_loads(populations_, parity);
     if (saturated_.empty()) {
       step_(populations_, parity, nodes, parameters_);

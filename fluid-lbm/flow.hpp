@@ -167,7 +167,8 @@ private:
   SaturatedCells saturated_;
   RoundBodies bodies_;
   StillLinks solid_node_links_;
-  StillLinks links_at_open_sides_;  // of solid nodes, those whose outcome an open side looks at
+  StillLinks
+      links_at_sides_;  // of solid nodes, those that an open side looks at or that cross a periodic one
   Stretches stretches_;
   WallLinks outline_links_;  // of obstacles with a rule
   std::optional<WallRule> outline_rule_;

@@ -26,7 +26,7 @@ void Links::visit(Node node, const Segment& s, std::uint32_t number, const Cells
                   std::uint8_t reason) {
   const int x = grid_.wrap_x(node.x);
   const int y = grid_.wrap_y(node.y);
-  if (!cells.fluid(x, y)) return;
+  if (!cells.fluid(x, y) || cells.surrounded_by_fluid(x, y)) return;
   std::int32_t& known = candidate_of_[static_cast<std::size_t>(y) * static_cast<std::size_t>(grid_.nx) +
                                       static_cast<std::size_t>(x)];
   for (int i = 1; i < D2Q9::count; ++i) {

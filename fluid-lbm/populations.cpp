@@ -6,6 +6,8 @@
 #include <cstdlib>
 #include <new>
 
+#include "lanes.hpp"
+
 namespace estuary::fluid {
 namespace {
 
@@ -91,6 +93,9 @@ void Populations::pack(const std::vector<std::uint8_t>& needed) {
   std::vector<std::int32_t> places(static_cast<std::size_t>(layers(nz_) * (ny_ + 2) * pitch_), -1);
   const bool space = nz_ > 0;
   std::ptrdiff_t next = 0;
+  // The last vector of a stretch reaches beyond it, where nothing that counts may lie.
+  const std::ptrdiff_t beyond =
+      (storage() == Storage::single_precision ? Lanes<float>::count : Lanes<double>::count) - 1;
   for (int z = space ? -1 : 0; z <= (space ? nz_ : 0); ++z) {
     for (int y = -1; y <= ny_; ++y) {
       // As without packing, node 0 of each row starts a cache line.
@@ -104,8 +109,7 @@ void Populations::pack(const std::vector<std::uint8_t>& needed) {
                            static_cast<std::size_t>(y)) *
                               static_cast<std::size_t>(nx_) +
                           static_cast<std::size_t>(x)] != 0;
-        // The last vector of a stretch reaches beyond it, where nothing that counts may lie.
-        if (held && !holds) next += cache_line - 1;
+        if (held && !holds) next += beyond;
         if (holds) places[static_cast<std::size_t>(node(x, y, z))] = static_cast<std::int32_t>(next++);
         held = holds;
       }

@@ -51,6 +51,23 @@ void StillLinks::reflect_rows(Populations& populations, Parity parity, int begin
   populations.visit([&](auto* const f) { reflect(f, parity, first(begin), first(end)); });
 }
 
+// A row's links write where the step of the far end's row, up to `reach_` rows on, may write back what it
+// found.
+void StillLinks::reflect_behind(Populations& populations, Parity parity, const RowShare& share,
+                                int row) const {
+  const int behind = row - 1 - reach_;
+  if (behind < share.begin + reach_ || behind >= share.end - reach_) return;
+  reflect_rows(populations, parity == Parity::even ? Parity::odd : Parity::even, behind, behind + 1);
+}
+
+void StillLinks::reflect_rest(Populations& populations, Parity parity, const RowShare& share) const {
+  const Parity now = parity == Parity::even ? Parity::odd : Parity::even;
+  const int first = std::min(share.begin + reach_, share.end);
+  const int last = std::max(first, share.end - 1 - reach_);
+  reflect_rows(populations, now, share.begin, first);
+  reflect_rows(populations, now, last, share.end);
+}
+
 void StillLinks::add_load(const Populations& populations, Parity parity, std::size_t number,
                           BodyLoad& total) const {
   const Place& place = places_[number];

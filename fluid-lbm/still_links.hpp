@@ -12,6 +12,7 @@
 
 #include "cells.hpp"
 #include "populations.hpp"
+#include "row_shares.hpp"
 #include "wall_links.hpp"
 
 namespace estuary::fluid {
@@ -24,11 +25,12 @@ public:
   [[nodiscard]] bool empty() const { return links_.empty(); }
   /// Every thread of a parallel region calls it.
   void reflect(Populations& populations, Parity parity) const;
-  /// The links of nodes in rows begin <= row < end, by the calling thread alone. A step may do this for a row
-  /// just before it passes over it, while the row is in the cache.
-  void reflect_rows(Populations& populations, Parity parity, int begin, int end) const;
-  /// How many rows away the far end of a link may lie.
-  [[nodiscard]] int reach() const { return reach_; }
+  /// The same for what leaves the nodes in the step that follows `parity`, by a thread that passes over the
+  /// rows of `share` and is about to step `row`: rows that neither it nor another thread will touch any more,
+  /// while they are in the cache.
+  void reflect_behind(Populations& populations, Parity parity, const RowShare& share, int row) const;
+  /// And when all threads have stepped their rows.
+  void reflect_rest(Populations& populations, Parity parity, const RowShare& share) const;
   /// Momentum exchange, as `reflect` left the populations; on all bodies, or on one.
   [[nodiscard]] BodyLoad load(const Populations& populations, Parity parity) const;
   [[nodiscard]] BodyLoad load(const Populations& populations, Parity parity, std::uint32_t body) const;
@@ -45,13 +47,14 @@ private:
   };
   void add_load(const Populations& populations, Parity parity, std::size_t number, BodyLoad& total) const;
 
+  void reflect_rows(Populations& populations, Parity parity, int begin, int end) const;
   template <class Stored>
   void reflect(Stored* f, Parity parity, std::size_t begin, std::size_t end) const;
 
   std::vector<Link> links_;
   std::vector<Place> places_;
   std::vector<std::size_t> first_of_row_;  // of rows up to the last with a link
-  int reach_ = 0;
+  int reach_ = 0;                          // how many rows away the far end of a link may lie
 };
 
 }  // namespace estuary::fluid
