@@ -17,6 +17,8 @@ constexpr double slow_velocity = 1e-2;
 constexpr double zero_displacement = 1e-14;
 // This many iterations in a row without any gain is a stall.
 constexpr std::uint64_t stalling_iterations = 50;
+// Explicit windows in a row whose mismatch grows beyond the motion itself.
+constexpr int runaway_windows = 4;
 constexpr double least_gain = 0.99;
 
 }  // namespace
@@ -101,6 +103,13 @@ Verdict Convergence::judge(const IterationNorms& norms, std::uint64_t iteration)
   const bool force_gains = gains(norms.force_increment, best_force_);
   if (displacement_gains || force_gains) best_at_ = iteration;
   return iteration >= best_at_ + stalling_iterations ? Verdict::stalled : Verdict::go_on;
+}
+
+bool Convergence::runs_away(const IterationNorms& norms) {
+  const bool grows = norms.velocity_increment > norms.velocity && norms.velocity_increment > last_mismatch_;
+  mismatches_ = grows ? mismatches_ + 1 : 0;
+  last_mismatch_ = norms.velocity_increment;
+  return mismatches_ >= runaway_windows;
 }
 
 void Convergence::accept(const IterationNorms& norms) {

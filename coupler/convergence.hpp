@@ -28,6 +28,10 @@ public:
 
   void begin_window();
   [[nodiscard]] Verdict judge(const IterationNorms& norms, std::uint64_t iteration);
+  /// For explicit schemes, once in each window: true when the motion that the fluid saw and the one that the
+  /// solid answered have differed by more than the motion itself, and more and more, for several windows.
+  /// That is the instability of added mass (Causin, Gerbeau & Nobile 2005), not a splitting error.
+  [[nodiscard]] bool runs_away(const IterationNorms& norms);
   /// After the window: its velocities belong to what later ones are compared with.
   void accept(const IterationNorms& norms);
 
@@ -53,6 +57,8 @@ private:
   std::uint64_t judged_ = 0;    // iterations since begin_window
   double early_increment_ = 0;  // largest of the displacement in the first of them
   double largest_velocity_ = 0;
+  double last_mismatch_ = 0;  // of the velocity, in explicit schemes
+  int mismatches_ = 0;        // growing, in a row
   // Smallest increments in this window, and the last iteration that had one.
   double best_displacement_ = 0;
   double best_force_ = 0;

@@ -6,6 +6,7 @@
 #include <chrono>
 
 #include "elapsed.hpp"
+#include "watch_integrals.hpp"
 #include "wet_surface.hpp"
 
 namespace estuary::coupler {
@@ -69,6 +70,7 @@ void CouplingLoop::start() {
   history_.accepted = last_ = partners_.initial();
   convergence_ = std::make_unique<Convergence>(scene_, displacement_scale(partners_.surface()));
   take_care(Care::normal);
+  if (scene_.adaptive_window) clock_.allow_shorter(scene_.smallest_window, partners_.window_granularity());
 }
 
 void CouplingLoop::compute_alone() {
@@ -172,7 +174,12 @@ bool CouplingLoop::iterate_window(InterfaceState& x) {
           fmt::format("the coupling diverged: window {}, iteration {}, displacement of the wet surface, "
                       "residual {:.3e}, norm {:.3e} m",
                       position_.window, position_.iteration, residual, norms_.displacement),
-          "try coupling.acceleration = \"iqn-ils\", a smaller coupling.relaxation or a shorter window", true);
+          scene_.implicit()
+              ? "try coupling.acceleration = \"iqn-ils\", a smaller coupling.relaxation or a shorter window"
+              : "an explicit scheme is unstable where the fluid's added mass exceeds the solid's: use "
+                "coupling.scheme = "
+                "\"serial-implicit\"",
+          true);
     }
     if (verdict_ == Verdict::stalled) {
       throw RunFailure(
@@ -220,6 +227,7 @@ void CouplingLoop::judge(const InterfaceState& x, const InterfaceState& answer, 
             .force_increment = l2_distance(answer.forces, scene_.parallel() ? x.forces : last_.forces),
             .force = l2_norm(answer.forces)};
   verdict_ = convergence_->judge(norms_, position_.iteration);
+  if (!scene_.implicit() && convergence_->runs_away(norms_)) verdict_ = Verdict::diverged;
   row.displacement_norm = norms_.displacement;
   row.residual = convergence_->relative(Field::displacement);
   // A solid that takes one step per window answers with a displacement that does not depend on the new load:
@@ -257,7 +265,8 @@ void CouplingLoop::finish_window(const char* verdict, double residual, double wa
                         .verdict = verdict,
                         .time = time_of_window(),
                         .residual = residual,
-                        .wall_s = wall_s});
+                        .wall_s = wall_s,
+                        .duration = clock_.span().duration});
   spdlog::info("window {}: {} after {} iterations, residual {:.3e}, {:.3f} s", position_.window, verdict,
                position_.iteration, residual, wall_s);
 }
@@ -276,6 +285,9 @@ void CouplingLoop::record_watches(double time) {
   partners_.for_each_answer([&](const v1::Advanced& answer) {
     for (const auto& sample : answer.watches()) record(sample, time);
   });
+  for (const auto& watch : scene_.watches)
+    if (watch.participant == "coupling")
+      record(surface_integrals(watch.name, partners_.surface(), last_, position_.iteration), time);
 }
 
 void CouplingLoop::record(const v1::WatchSample& sample, double time) {

@@ -76,6 +76,15 @@ Value pick(SceneTable& table, const char* key, const std::array<std::string_view
   return found == names.end() ? values.front() : values[static_cast<std::size_t>(found - names.begin())];
 }
 
+void read_adaptive_window(SceneTable& coupling, CouplingScene& result) {
+  result.adaptive_window = coupling.boolean_or("adaptive_window", false);
+  result.smallest_window = coupling.number_or("smallest_window", result.window / 64,
+                                              {.minimum = 0.0, .maximum = 1e300, .exclusive = true});
+  if (coupling.has("smallest_window") && !result.adaptive_window)
+    coupling.problem("smallest_window", "has a meaning with adaptive_window = true only");
+  if (result.smallest_window > result.window) coupling.problem("smallest_window", "is larger than `window`");
+}
+
 void read_scheme(SceneTable& coupling, CouplingScene& result) {
   constexpr std::array<std::string_view, 4> names = {"serial-implicit", "serial-explicit",
                                                      "parallel-implicit", "parallel-explicit"};
@@ -108,6 +117,29 @@ void read_acceleration(SceneTable& coupling, CouplingScene& result) {
                             : result.parallel();
 }
 
+void read_mapping(SceneTable& coupling, CouplingScene& result) {
+  auto table = coupling.table_if("mapping");
+  if (!table) return;
+  // Both spellings: people write the one they are used to.
+  constexpr std::array<std::string_view, 6> kinds = {"nearest-projection", "nearest-neighbour",
+                                                     "nearest-neighbor",   "thin-plate-spline",
+                                                     "wendland-c2",        "wendland-c4"};
+  result.mapping.kind = pick(*table, "kind", kinds,
+                             std::array{MappingKind::nearest_projection, MappingKind::nearest_neighbour,
+                                        MappingKind::nearest_neighbour, MappingKind::thin_plate_spline,
+                                        MappingKind::wendland_c2, MappingKind::wendland_c4});
+  const bool compact =
+      result.mapping.kind == MappingKind::wendland_c2 || result.mapping.kind == MappingKind::wendland_c4;
+  if (compact) {
+    result.mapping.support_radius = table->number("support_radius", Range::positive());
+  } else if (table->has("support_radius")) {
+    table->leave_to_others({"support_radius"});
+    table->problem("support_radius", "has a meaning for \"wendland-c2\" and \"wendland-c4\" only");
+  }
+  constexpr std::array<std::string_view, 2> loads = {"forces", "pressures"};
+  result.mapped_loads = pick(*table, "loads", loads, std::array{Loads::forces, Loads::pressures});
+}
+
 void read_measures(SceneTable& coupling, CouplingScene& result) {
   constexpr Range limits{.minimum = 1e-14, .maximum = 1.0};
   const double tolerance = coupling.number_or("tolerance", 1e-4, limits);
@@ -116,9 +148,12 @@ void read_measures(SceneTable& coupling, CouplingScene& result) {
   result.measures = {{Field::displacement, MeasureKind::relative, tolerance}};
   if (result.mode == CouplingMode::transient)
     result.measures.push_back({Field::velocity, MeasureKind::relative, velocity_tolerance});
-  if (coupling.has("force_tolerance")) {
-    result.measures.push_back(
-        {Field::force, MeasureKind::relative, coupling.number("force_tolerance", limits)});
+  // In a parallel scheme the forces are a part of the iterate: a motion that the solid gave to other forces
+  // than the fluid's is no solution, however well it agrees with itself.
+  const bool forces_too = result.scheme == Scheme::parallel_implicit;
+  if (forces_too || coupling.has("force_tolerance")) {
+    result.measures.push_back({Field::force, MeasureKind::relative,
+                               coupling.number_or("force_tolerance", std::min(1.0, 10 * tolerance), limits)});
   }
   const auto tables = coupling.tables("convergence");
   if (tables.empty()) return;
@@ -141,6 +176,12 @@ void read_measures(SceneTable& coupling, CouplingScene& result) {
     measure.limit = table.number("limit", Range::positive());
     result.measures.push_back(measure);
   }
+  const bool measured = std::any_of(result.measures.begin(), result.measures.end(),
+                                    [](const Measure& measure) { return measure.field == Field::force; });
+  if (forces_too && !measured)
+    coupling.problem(
+        "convergence",
+        "a parallel scheme iterates on the forces as well: add a measure of the field \"force\"");
 }
 
 void read_coupling(SceneTable coupling, CouplingScene& result) {
@@ -149,15 +190,17 @@ void read_coupling(SceneTable coupling, CouplingScene& result) {
       coupling.choice("mode", modes) == "transient" ? CouplingMode::transient : CouplingMode::steady;
   if (result.mode == CouplingMode::transient) {
     read_windows(coupling, result);
+    read_adaptive_window(coupling, result);
   } else {
-    for (const auto* key : {"window", "end_time"}) {
+    for (const auto* key : {"window", "end_time", "adaptive_window", "smallest_window"}) {
       if (coupling.has(key)) coupling.problem(key, "has no meaning in steady mode");
     }
-    coupling.leave_to_others({"window", "end_time"});
+    coupling.leave_to_others({"window", "end_time", "adaptive_window", "smallest_window"});
   }
   read_scheme(coupling, result);
   read_acceleration(coupling, result);
   read_measures(coupling, result);
+  read_mapping(coupling, result);
   constexpr std::array<std::string_view, 3> predictors = {"linear", "none", "quadratic"};
   result.predictor = pick(coupling, "predictor", predictors,
                           std::array{Predictor::linear, Predictor::none, Predictor::quadratic});
@@ -194,7 +237,11 @@ void read_watches(SceneTable& root, CouplingScene& result) {
       if (other.name == watch.name)
         table.problem("name", fmt::format("a second watch named '{}'", watch.name));
     }
-    if (!watch.participant.empty() && result.find(watch.participant) == nullptr) {
+    if (watch.participant == "coupling") {
+      if (result.find("solid") == nullptr || result.participants.size() < 2)
+        table.problem("participant",
+                      "nothing is coupled at a wet surface: the scene has no solid with a partner");
+    } else if (!watch.participant.empty() && result.find(watch.participant) == nullptr) {
       table.problem("participant", fmt::format("the scene has no participant '{}'", watch.participant));
     }
     result.watches.push_back(std::move(watch));
@@ -278,6 +325,7 @@ CouplingScene read_coupling_scene(Scene& scene) {
   }
   if (auto output = root.table_if("output")) {
     result.frames = output->boolean_or("frames", true);
+    result.record = output->boolean_or("record", false);
     result.frame_interval =
         static_cast<std::uint64_t>(output->integer_or("frame_interval", 0, 0, 1'000'000'000));
   }

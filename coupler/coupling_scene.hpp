@@ -7,6 +7,7 @@
 #include <vector>
 
 #include "acceleration.hpp"
+#include "mapping.hpp"
 #include "scene.hpp"
 
 namespace estuary::coupler {
@@ -39,6 +40,10 @@ struct Measure {
   double limit = 1e-4;
 };
 
+/// How a load is mapped from a participant's own wet surface to the solid's (surface_link.hpp).
+enum class Loads { forces, pressures };
+
+/// `participant` may also be "coupling": figures of the wet surface as a whole (watch_integrals.hpp).
 struct WatchScene {
   std::string name;
   std::string participant;
@@ -75,17 +80,22 @@ struct CouplingScene {
   double filter_limit = 1e-2;               // quasi-Newton
   bool residual_sum = false;                // quasi-Newton: fields are scaled by their share of the residual
   std::vector<Measure> measures;
+  MappingSettings mapping;  // where a participant brings a wet surface of its own
+  Loads mapped_loads = Loads::forces;
   int min_iterations = 1;
   int max_iterations = 50;
   bool recover = true;  // try again with care before giving up
   double window = 0;    // [s]; 0 in steady mode
   double end_time = 0;  // [s]
   std::uint64_t windows = 1;
-  double connect_timeout = 30;  // [s] until the first answer
-  double stall_timeout = 300;   // [s] computing without any progress
+  bool adaptive_window = false;  // a failing window may be tried with half the length
+  double smallest_window = 0;    // [s]
+  double connect_timeout = 30;   // [s] until the first answer
+  double stall_timeout = 300;    // [s] computing without any progress
   std::uint64_t frame_interval =
       0;  // windows (iterations in steady mode) between frames; 0: first and last only
   bool frames = true;
+  bool record = false;  // keep every message for a replay
   std::vector<ParticipantScene> participants;
   std::vector<WatchScene> watches;
   std::vector<CheckScene> checks;

@@ -68,6 +68,9 @@ Participants::Participants(const CouplingScene& scene, const std::filesystem::pa
                                        ? fmt::format("ipc://{}/{}", (sockets_).string(), entry.role)
                                        : entry.endpoint;
       auto participant = std::make_unique<RemoteParticipant>(entry, endpoint);
+      if (scene.record) {
+        participant->record_ = std::make_unique<RecordWriter>(folder / "record" / (entry.role + ".record"));
+      }
       if (entry.endpoint.empty()) launch(*participant, endpoint, folder);
       all_.push_back(std::move(participant));
     }
@@ -297,6 +300,8 @@ std::vector<v1::Reply> Participants::ask_all(std::vector<Question> questions, co
                      fmt::format("participant '{}' at {}: {}", speaking->role(), at(position), error.what()));
   }
   std::vector<v1::Reply> replies;
+  for (const auto& [participant, request] : questions)
+    if (participant->record_) participant->record_->add(request, *participant->arrived_);
   for (std::size_t k = 0; k < questions.size(); ++k)
     replies.push_back(take_reply(*questions[k].participant, questions[k].request, position, asked[k]));
   return replies;

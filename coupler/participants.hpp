@@ -15,6 +15,7 @@
 #include "child_process.hpp"
 #include "coupling_scene.hpp"
 #include "estuary/v1/protocol.pb.h"
+#include "record_file.hpp"
 
 namespace estuary::coupler {
 
@@ -53,7 +54,8 @@ private:
   friend class Participants;
   ParticipantScene scene_;
   ClientChannel channel_;
-  std::unique_ptr<ChildProcess> child_;  // null when it was connected to
+  std::unique_ptr<ChildProcess> child_;   // null when it was connected to
+  std::unique_ptr<RecordWriter> record_;  // null unless the scene wants a record
   v1::Welcome identity_;
   bool accepts_in_advance_ = false;
   v1::Work work_;

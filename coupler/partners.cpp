@@ -3,7 +3,9 @@
 #include <fmt/format.h>
 #include <spdlog/spdlog.h>
 
+#include <algorithm>
 #include <chrono>
+#include <cmath>
 #include <stdexcept>
 
 #include "elapsed.hpp"
@@ -24,42 +26,86 @@ std::array<double, 2> first_two(const google::protobuf::RepeatedField<double>& f
   return {!field.empty() ? field[0] : 0.0, field.size() > 1 ? field[1] : 0.0};
 }
 
-void add_to(std::vector<double>& sum, const google::protobuf::RepeatedField<double>& values) {
-  for (std::size_t i = 0; i < sum.size(); ++i) sum[i] += values[static_cast<int>(i)];
-}
-
 }  // namespace
 
 Partners::Partners(const CouplingScene& scene, Participants& participants)
     : scene_(scene),
       participants_(participants),
-      fluid_(participants.find("fluid")),
-      solid_(participants.find("solid")),
-      grains_(participants.find("grains")) {}
+      fluid_{.participant = participants.find("fluid")},
+      solid_{.participant = participants.find("solid")},
+      grains_{.participant = participants.find("grains")} {}
 
-v1::Exchange Partners::ask_start(RemoteParticipant& participant, v1::Exchange initial) {
+v1::Exchange Partners::ask_start(Partner& partner, v1::Exchange initial) {
   v1::Request request;
   *request.mutable_start()->mutable_initial() = std::move(initial);
-  v1::Reply reply = participants_.ask(participant, std::move(request), position_);
-  return std::move(*reply.mutable_started()->mutable_initial());
+  v1::Reply reply = participants_.ask(*partner.participant, std::move(request), position_);
+  v1::Started& started = *reply.mutable_started();
+  if (started.has_window_step()) partner.window_step = started.window_step();
+  if (agree() && &partner != &solid_ && started.initial().has_wet_surface())
+    link_surface(partner, started.initial());
+  return std::move(*started.mutable_initial());
+}
+
+void Partners::link_surface(Partner& partner, const v1::Exchange& brought) {
+  const std::string& role = partner.participant->role();
+  if (brought.wet_surface().identity() == surface_.identity()) {
+    throw RunFailure(
+        ExitStatus::participant_lost,
+        fmt::format("participant '{}' brings a wet surface of its own with the identity of the solid's, {}",
+                    role, surface_.identity()),
+        "a surface of its own needs an identity of its own");
+  }
+  try {
+    partner.link.emplace(brought.wet_surface(), surface_, scene_.mapping, scene_.mapped_loads);
+  } catch (const std::invalid_argument& error) {
+    throw RunFailure(ExitStatus::wrong_scene, fmt::format("the wet surface of '{}': {}", role, error.what()));
+  }
+  spdlog::info("{} brings a wet surface of its own: {}", role, partner.link->description());
+}
+
+double Partners::window_granularity() const {
+  double largest = 0;
+  for (const Partner* partner : {&fluid_, &solid_, &grains_}) {
+    if (!partner->there()) continue;
+    if (!partner->window_step) {
+      throw RunFailure(
+          ExitStatus::wrong_scene,
+          fmt::format("coupling.adaptive_window: '{}' computes windows of the scene's length only",
+                      partner->participant->role()),
+          "take adaptive_window out of the scene");
+    }
+    largest = std::max(largest, *partner->window_step);
+  }
+  for (const Partner* partner : {&fluid_, &solid_, &grains_}) {
+    if (!partner->there() || !(*partner->window_step > 0)) continue;
+    const double ratio = largest / *partner->window_step;
+    if (std::abs(ratio - std::round(ratio)) > 1e-6 * ratio) {
+      throw RunFailure(
+          ExitStatus::wrong_scene,
+          fmt::format("coupling.adaptive_window: '{}' takes steps of {:g} s, of which {:g} s is no multiple",
+                      partner->participant->role(), *partner->window_step, largest),
+          "choose time steps that divide each other");
+    }
+  }
+  return largest;
 }
 
 void Partners::start() {
   position_ = {};
   v1::Exchange for_others;
-  if (solid_ != nullptr) {
-    for_others = ask_start(*solid_, {});
+  if (solid_.there()) {
+    for_others = ask_start(solid_, {});
     if (agree()) take_surface(for_others);
   }
-  if (grains_ != nullptr) {
-    const v1::Exchange grains_bring = ask_start(*grains_, for_others);
-    if (fluid_ != nullptr) {
+  if (grains_.there()) {
+    const v1::Exchange grains_bring = ask_start(grains_, for_others);
+    if (fluid_.there()) {
       grain_states_ = grains_bring.grain_states();
       check_grain_states(grain_states_, scene_.dimension, position_);
       *for_others.mutable_grain_states() = grain_states_;
     }
   }
-  if (fluid_ != nullptr) ask_start(*fluid_, std::move(for_others));
+  if (fluid_.there()) ask_start(fluid_, std::move(for_others));
 }
 
 void Partners::take_surface(v1::Exchange& for_others) {
@@ -75,7 +121,7 @@ void Partners::take_surface(v1::Exchange& for_others) {
     throw RunFailure(ExitStatus::participant_lost,
                      fmt::format("participant 'solid', in phase start: {}", error.what()));
   }
-  initial_.motion = checked_motion(*solid_, for_others, surface_, position_);
+  initial_.motion = checked_motion(*solid_.participant, for_others, surface_, position_);
   initial_.forces.assign(initial_.motion.displacement.size(), 0.0);
 }
 
@@ -91,9 +137,8 @@ InterfaceState Partners::answer(const InterfaceState& x, const WindowSpan& span,
 void Partners::advance_alone(const WindowSpan& span, const Position& position) {
   span_ = span;
   position_ = position;
-  RemoteParticipant& only = *participants_.all().front();
-  v1::Advanced& last = &only == fluid_ ? last_fluid_ : &only == solid_ ? last_solid_ : last_grains_;
-  last = advance(only, {});
+  for (Partner* partner : {&fluid_, &solid_, &grains_})
+    if (partner->there()) advance(*partner, {});
 }
 
 v1::Request Partners::advance_request(const RemoteParticipant& participant, v1::Exchange inputs) const {
@@ -117,26 +162,27 @@ v1::Advanced Partners::advanced_of(const RemoteParticipant& participant, v1::Rep
   return std::move(*reply.mutable_advanced());
 }
 
-v1::Advanced Partners::advance(RemoteParticipant& participant, v1::Exchange inputs) {
-  return advanced_of(
-      participant,
-      participants_.ask(participant, advance_request(participant, std::move(inputs)), position_));
+void Partners::advance(Partner& partner, v1::Exchange inputs) {
+  RemoteParticipant& participant = *partner.participant;
+  partner.last =
+      advanced_of(participant,
+                  participants_.ask(participant, advance_request(participant, std::move(inputs)), position_));
 }
 
 InterfaceState Partners::answer_in_turn(const InterfaceState& x, IterationRow& row) {
   InterfaceState answer;
-  if (fluid_ != nullptr) {
+  if (fluid_.there()) {
     const auto begin = steady_clock::now();
-    last_fluid_ = advance(*fluid_, for_fluid(x.motion));
+    advance(fluid_, for_fluid(x.motion));
     row.fluid_s = seconds_since(begin);
   }
-  if (grains_ != nullptr) last_grains_ = advance(*grains_, for_grains(x.motion));
-  if (solid_ == nullptr) return answer;
-  answer.forces = nodal_forces(x.motion);
+  if (grains_.there()) advance(grains_, for_grains(x.motion));
+  if (!solid_.there()) return answer;
+  answer.forces = nodal_forces(x.motion, row);
   const auto begin = steady_clock::now();
   row.load_share = ask_solid(answer.forces);
   row.solid_s = seconds_since(begin);
-  answer.motion = checked_motion(*solid_, last_solid_.outputs(), surface_, position_);
+  answer.motion = checked_motion(*solid_.participant, solid_.last.outputs(), surface_, position_);
   return answer;
 }
 
@@ -148,7 +194,7 @@ double Partners::ask_solid(const std::vector<double>& forces) {
     try {
       std::vector<double> given = forces;
       for (double& force : given) force *= share;
-      last_solid_ = advance(*solid_, for_solid(given));
+      advance(solid_, for_solid(given));
       return share;
     } catch (const RunFailure& failure) {
       const bool can_halve = scene_.mode == CouplingMode::steady && scene_.recover && halving < most_halvings;
@@ -162,9 +208,12 @@ double Partners::ask_solid(const std::vector<double>& forces) {
 
 InterfaceState Partners::answer_at_once(const InterfaceState& x, IterationRow& row) {
   std::vector<Participants::Question> questions;
-  if (fluid_ != nullptr) questions.push_back({fluid_, advance_request(*fluid_, for_fluid(x.motion))});
-  if (grains_ != nullptr) questions.push_back({grains_, advance_request(*grains_, for_grains(x.motion))});
-  if (solid_ != nullptr) questions.push_back({solid_, advance_request(*solid_, for_solid(x.forces))});
+  const auto question = [&](const Partner& partner, v1::Exchange inputs) {
+    questions.push_back({partner.participant, advance_request(*partner.participant, std::move(inputs))});
+  };
+  if (fluid_.there()) question(fluid_, for_fluid(x.motion));
+  if (grains_.there()) question(grains_, for_grains(x.motion));
+  if (solid_.there()) question(solid_, for_solid(x.forces));
   std::vector<double> before;
   for (const auto& question : questions) before.push_back(question.participant->usage().wall_s);
   std::vector<RemoteParticipant*> asked;
@@ -173,37 +222,42 @@ InterfaceState Partners::answer_at_once(const InterfaceState& x, IterationRow& r
   for (std::size_t k = 0; k < asked.size(); ++k) {
     const double seconds = asked[k]->usage().wall_s - before[k];
     v1::Advanced advanced = advanced_of(*asked[k], std::move(replies[k]));
-    if (asked[k] == fluid_) {
-      last_fluid_ = std::move(advanced);
+    if (asked[k] == fluid_.participant) {
+      fluid_.last = std::move(advanced);
       row.fluid_s = seconds;
-    } else if (asked[k] == solid_) {
-      last_solid_ = std::move(advanced);
+    } else if (asked[k] == solid_.participant) {
+      solid_.last = std::move(advanced);
       row.solid_s = seconds;
     } else {
-      last_grains_ = std::move(advanced);
+      grains_.last = std::move(advanced);
     }
   }
   InterfaceState answer;
-  if (solid_ == nullptr) return answer;
-  answer.motion = checked_motion(*solid_, last_solid_.outputs(), surface_, position_);
-  answer.forces = nodal_forces(x.motion);
+  if (!solid_.there()) return answer;
+  answer.motion = checked_motion(*solid_.participant, solid_.last.outputs(), surface_, position_);
+  answer.forces = nodal_forces(x.motion, row);
   return answer;
+}
+
+v1::Displacements Partners::motion_for(const Partner& partner, const WetMotion& motion) const {
+  return partner.link ? message_of(partner.link->motion(motion), partner.link->surface())
+                      : message_of(motion, surface_);
 }
 
 v1::Exchange Partners::for_fluid(const WetMotion& motion) const {
   v1::Exchange inputs;
-  if (solid_ != nullptr) *inputs.mutable_displacements() = message_of(motion, surface_);
-  if (grains_ != nullptr) *inputs.mutable_grain_states() = grain_states_;
+  if (solid_.there()) *inputs.mutable_displacements() = motion_for(fluid_, motion);
+  if (grains_.there()) *inputs.mutable_grain_states() = grain_states_;
   return inputs;
 }
 
 v1::Exchange Partners::for_grains(const WetMotion& motion) const {
   v1::Exchange inputs;
-  if (solid_ != nullptr) *inputs.mutable_displacements() = message_of(motion, surface_);
-  if (fluid_ != nullptr) {
-    if (last_fluid_.outputs().has_grain_forces()) {
-      check_grain_forces(last_fluid_.outputs().grain_forces(), grain_states_, position_);
-      *inputs.mutable_grain_forces() = last_fluid_.outputs().grain_forces();
+  if (solid_.there()) *inputs.mutable_displacements() = motion_for(grains_, motion);
+  if (fluid_.there()) {
+    if (fluid_.last.outputs().has_grain_forces()) {
+      check_grain_forces(fluid_.last.outputs().grain_forces(), grain_states_, position_);
+      *inputs.mutable_grain_forces() = fluid_.last.outputs().grain_forces();
     } else {  // a parallel scheme's first window: the fluid has not answered yet
       auto& none = *inputs.mutable_grain_forces();
       none.mutable_force()->Resize(grain_states_.centre_size(), 0.0);
@@ -220,14 +274,47 @@ v1::Exchange Partners::for_solid(const std::vector<double>& forces) const {
   return inputs;
 }
 
-std::vector<double> Partners::nodal_forces(const WetMotion& motion) const {
+std::vector<double> Partners::nodal_forces(const WetMotion& motion, IterationRow& row) const {
   std::vector<double> sum(motion.displacement.size(), 0.0);
-  if (fluid_ != nullptr) {
-    const auto& loads = checked_pressures(*fluid_, last_fluid_.outputs(), surface_, position_);
-    add_to(sum, consistent_nodal_forces(surface_, motion.displacement, loads).force());
+  LoadSums unmapped;
+  const auto add = [&](std::span<const double> forces) {
+    for (std::size_t i = 0; i < sum.size(); ++i) sum[i] += forces[i];
+  };
+  // What acts on the solid's own nodes takes part in the sums as it is.
+  const auto add_own = [&](const v1::NodalForces& forces) {
+    const std::span<const double> values(forces.force().data(),
+                                         static_cast<std::size_t>(forces.force_size()));
+    add(values);
+    unmapped = sum_load(surface_, motion.displacement, motion.velocity, values);
+  };
+  const auto count = [&] {
+    if (!fluid_.link && !grains_.link) return;
+    if (!row.before_mapping) row.before_mapping.emplace();
+    auto& sums = *row.before_mapping;
+    const std::array<double, 4> own = {unmapped.force[0], unmapped.force[1], unmapped.moment, unmapped.power};
+    for (std::size_t k = 0; k < own.size(); ++k) sums[k] += own[k];
+  };
+  if (fluid_.there()) {
+    const v1::Exchange& outputs = fluid_.last.outputs();
+    if (fluid_.link) {
+      const auto& loads = checked_pressures(*fluid_.participant, outputs, fluid_.link->surface(), position_);
+      add(fluid_.link->forces(loads, motion, unmapped));
+    } else {
+      const auto& loads = checked_pressures(*fluid_.participant, outputs, surface_, position_);
+      add_own(consistent_nodal_forces(surface_, motion.displacement, loads));
+    }
+    count();
   }
-  if (grains_ != nullptr)
-    add_to(sum, checked_forces(*grains_, last_grains_.outputs(), surface_, position_).force());
+  if (grains_.there()) {
+    const v1::Exchange& outputs = grains_.last.outputs();
+    if (grains_.link) {
+      const auto& forces = checked_forces(*grains_.participant, outputs, grains_.link->surface(), position_);
+      add(grains_.link->forces(forces, motion, unmapped));
+    } else {
+      add_own(checked_forces(*grains_.participant, outputs, surface_, position_));
+    }
+    count();
+  }
   return sum;
 }
 
@@ -238,12 +325,12 @@ void Partners::describe(const InterfaceState& x, const InterfaceState& answer, I
   row.fluid_power = given.power;
   row.solid_power =
       sum_load(surface_, answer.motion.displacement, answer.motion.velocity, answer.forces).power;
-  row.fluid_force = first_two(last_fluid_.surface_force());
-  row.fluid_moment = last_fluid_.surface_moment();
-  row.solid_force = first_two(last_solid_.surface_force());
-  row.solid_moment = last_solid_.surface_moment();
-  row.fluid_error = last_fluid_.remaining_error();
-  row.solid_error = last_solid_.remaining_error();
+  row.fluid_force = first_two(fluid_.last.surface_force());
+  row.fluid_moment = fluid_.last.surface_moment();
+  row.solid_force = first_two(solid_.last.surface_force());
+  row.solid_moment = solid_.last.surface_moment();
+  row.fluid_error = fluid_.last.remaining_error();
+  row.solid_error = solid_.last.remaining_error();
 }
 
 void Partners::accept(const Position& position) {
@@ -254,9 +341,9 @@ void Partners::accept(const Position& position) {
     questions.back().request.mutable_accept();
   }
   participants_.ask_all(std::move(questions), position);
-  if (grains_ != nullptr && fluid_ != nullptr) {
-    check_grain_states(last_grains_.outputs().grain_states(), scene_.dimension, position);
-    grain_states_ = last_grains_.outputs().grain_states();
+  if (grains_.there() && fluid_.there()) {
+    check_grain_states(grains_.last.outputs().grain_states(), scene_.dimension, position);
+    grain_states_ = grains_.last.outputs().grain_states();
   }
 }
 

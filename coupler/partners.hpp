@@ -13,12 +13,14 @@
 #pragma once
 
 #include <cstdint>
+#include <optional>
 #include <vector>
 
 #include "coupling_scene.hpp"
 #include "interface_state.hpp"
 #include "participants.hpp"
 #include "run_record.hpp"
+#include "surface_link.hpp"
 
 namespace estuary::coupler {
 
@@ -38,7 +40,7 @@ public:
   [[nodiscard]] const InterfaceState& initial() const { return initial_; }
   [[nodiscard]] const v1::WetSurface& surface() const { return surface_; }
   /// True when there is a wet surface whose motion has to be agreed on.
-  [[nodiscard]] bool agree() const { return solid_ != nullptr && participants_.all().size() > 1; }
+  [[nodiscard]] bool agree() const { return solid_.there() && participants_.all().size() > 1; }
 
   /// True when a window is computed once, and accepted as it comes out.
   [[nodiscard]] bool once() const { return !scene_.implicit() || !agree(); }
@@ -56,41 +58,50 @@ public:
   /// Calls `use` with the last answer of each participant that has answered.
   template <typename Use>
   void for_each_answer(const Use& use) const {
-    for (const auto& [participant, answer] :
-         {std::pair(fluid_, &last_fluid_), {grains_, &last_grains_}, {solid_, &last_solid_}})
-      if (participant != nullptr) use(*answer);
+    for (const Partner* partner : {&fluid_, &grains_, &solid_})
+      if (partner->there()) use(partner->last);
   }
+  /// Any length of a window that all allow is a multiple of this [s]; 0: any length. Throws RunFailure naming
+  /// who computes windows of the scene's length only.
+  [[nodiscard]] double window_granularity() const;
   /// How often a load was halved because the solid could not take it.
   [[nodiscard]] std::uint64_t halvings() const { return halvings_; }
 
 private:
-  v1::Exchange ask_start(RemoteParticipant& participant, v1::Exchange initial);
+  // A participant with what it said of itself at the start.
+  struct Partner {
+    RemoteParticipant* participant;          // null: the scene has none
+    std::optional<double> window_step = {};  // granularity of its windows [s]
+    std::optional<SurfaceLink> link = {};    // when it brought a wet surface of its own
+    v1::Advanced last = {};                  // its last answer
+    [[nodiscard]] bool there() const { return participant != nullptr; }
+  };
+  v1::Exchange ask_start(Partner& partner, v1::Exchange initial);
+  void link_surface(Partner& partner, const v1::Exchange& brought);
   void take_surface(v1::Exchange& for_others);
   InterfaceState answer_in_turn(const InterfaceState& x, IterationRow& row);
   InterfaceState answer_at_once(const InterfaceState& x, IterationRow& row);
   double ask_solid(const std::vector<double>& forces);
   v1::Request advance_request(const RemoteParticipant& participant, v1::Exchange inputs) const;
-  v1::Advanced advance(RemoteParticipant& participant, v1::Exchange inputs);
+  void advance(Partner& partner, v1::Exchange inputs);
   v1::Advanced advanced_of(const RemoteParticipant& participant, v1::Reply reply) const;
   v1::Exchange for_fluid(const WetMotion& motion) const;
   v1::Exchange for_grains(const WetMotion& motion) const;
+  v1::Displacements motion_for(const Partner& partner, const WetMotion& motion) const;
   v1::Exchange for_solid(const std::vector<double>& forces) const;
   // Sum of what fluid and grains exert on the wet nodes.
-  std::vector<double> nodal_forces(const WetMotion& motion) const;
+  std::vector<double> nodal_forces(const WetMotion& motion, IterationRow& row) const;
   void describe(const InterfaceState& x, const InterfaceState& answer, IterationRow& row) const;
 
   const CouplingScene& scene_;
   Participants& participants_;
-  RemoteParticipant* fluid_;
-  RemoteParticipant* solid_;
-  RemoteParticipant* grains_;
+  Partner fluid_;
+  Partner solid_;
+  Partner grains_;
   v1::WetSurface surface_;
   InterfaceState initial_;
   v1::GrainStates grain_states_;  // at the start of the window
-  v1::Advanced last_fluid_;
-  v1::Advanced last_grains_;
-  v1::Advanced last_solid_;
-  WindowSpan span_;  // of the pass under way
+  WindowSpan span_;               // of the pass under way
   Position position_;
   std::uint64_t halvings_ = 0;
 };

@@ -30,10 +30,11 @@ constexpr double end_quickly = 0.3;
 void prepare_folder(const std::filesystem::path& folder, const CheckedScene& scene) {
   // What an earlier run left would be taken for this run's.
   for (const auto* name : {"summary.json", "iterations.csv", "convergence.csv", "report.html", "report",
-                           "watch", "log", "fluid", "solid", "grains"}) {
+                           "watch", "log", "record", "fluid", "solid", "grains"}) {
     std::filesystem::remove_all(folder / name);
   }
   std::filesystem::create_directories(folder / "log");
+  if (scene.coupling.record) std::filesystem::create_directories(folder / "record");
   for (const auto& participant : scene.coupling.participants) {
     std::filesystem::create_directories(folder / participant.role);
   }

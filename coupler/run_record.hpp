@@ -37,6 +37,9 @@ struct IterationRow {
   double solid_power = 0;  // nodal forces with the velocities the solid answered [W/m]
   double fluid_s = 0;      // from request to reply
   double solid_s = 0;
+  /// Sums of the load on the surfaces that participants brought of their own, before it was mapped to the
+  /// solid's: where force, moment and power are the same, the mapping conserved them.
+  std::optional<std::array<double, 4>> before_mapping;  // force x, y [N/m], moment [N], power [W/m]
   double fluid_error = 0;  // the participants' own estimates of their remaining error
   double solid_error = 0;
 };
@@ -50,6 +53,7 @@ struct WindowRow {
   double time = 0;
   double residual = 0;
   double wall_s = 0;
+  double duration = 0;  // [s]; 0 in steady mode
 };
 
 /// All values of one quantity of one watch, in the order recorded.

@@ -21,6 +21,7 @@ public:
   Plan configure(Scene& scene, const std::string& role) override;
   v1::Exchange start(const v1::Exchange& initial, const std::filesystem::path& folder) override;
   AdvanceResult advance(const Window& window, const v1::Exchange& inputs, ProgressBoard& progress) override;
+  [[nodiscard]] std::optional<double> window_step() const override { return scene_.units.time_step; }
   void accept() override;
   void save(const std::filesystem::path& file) override;
   void load(const std::filesystem::path& file) override;

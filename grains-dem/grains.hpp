@@ -19,6 +19,7 @@ public:
   /// Gives the grains' states when a fluid takes part; takes the wet surface of a solid when one does.
   v1::Exchange start(const v1::Exchange& initial, const std::filesystem::path& folder) override;
   AdvanceResult advance(const Window& window, const v1::Exchange& inputs, ProgressBoard& progress) override;
+  [[nodiscard]] std::optional<double> window_step() const override { return 0.0; }
   void accept() override;
   void save(const std::filesystem::path& file) override;
   void load(const std::filesystem::path& file) override;

@@ -12,6 +12,7 @@
 #include <cstdint>
 #include <filesystem>
 #include <mutex>
+#include <optional>
 #include <stdexcept>
 #include <string>
 #include <string_view>
@@ -24,7 +25,7 @@
 namespace estuary {
 
 struct Identity {
-  std::string name;     // of the program
+  std::string name;  // of the program
   std::string version;
   std::vector<std::string> roles;         // scene tables it can serve
   std::vector<std::string> capabilities;  // "steady", "transient", "wet-surface", ...
@@ -44,7 +45,8 @@ struct Plan {
 enum class Mode { transient, steady };
 
 /// The stretch of time to compute. `iteration` counts from 1; from 2 on, the state goes back to the
-/// window's start in transient mode. In steady mode a solver may start from wherever it is: the equilibrium is the same.
+/// window's start in transient mode. In steady mode a solver may start from wherever it is: the equilibrium
+/// is the same.
 struct Window {
   std::uint64_t number = 0;
   std::uint64_t iteration = 0;
@@ -78,7 +80,7 @@ struct AdvanceResult {
 
 /// The computing thread's window to the outside: a reporting thread sends what was last set here.
 class ProgressBoard {
- public:
+public:
   /// Says that work was done. `fraction` of the running request (0..1, below 0 when unknown).
   void report(double fraction, std::string_view note = {});
   /// True when the run was told to end: long phase methods ask now and then and throw `Interrupted`.
@@ -94,7 +96,7 @@ class ProgressBoard {
   void begin_phase(std::string_view phase);
   void request_stop() { stop_.store(true, std::memory_order_relaxed); }
 
- private:
+private:
   mutable std::mutex mutex_;
   Snapshot last_{.phase = "idle", .note = {}};
   std::atomic<bool> stop_{false};
@@ -127,7 +129,7 @@ struct Interrupted : std::runtime_error {
 };
 
 class Participant {
- public:
+public:
   Participant() = default;
   Participant(const Participant&) = delete;
   Participant& operator=(const Participant&) = delete;
@@ -137,16 +139,21 @@ class Participant {
 
   [[nodiscard]] virtual Identity identity() const = 0;
 
-  /// Reads `scene`'s table `role` and the tables it shares (title, dimension, coupling mode, its watches), notes
-  /// every problem in the scene, and chooses the compiled variants. Allocates no fields.
+  /// Reads `scene`'s table `role` and the tables it shares (title, dimension, coupling mode, its watches),
+  /// notes every problem in the scene, and chooses the compiled variants. Allocates no fields.
   virtual Plan configure(Scene& scene, const std::string& role) = 0;
 
   /// Builds the state. `initial` holds what others bring (a wet surface with its displacements);
   /// the result is what this participant brings. Files it writes go below `folder`.
   virtual v1::Exchange start(const v1::Exchange& initial, const std::filesystem::path& folder) = 0;
 
+  /// After start: windows may have any length that is a whole multiple of this [s]; 0: any length. Nothing:
+  /// windows of the scene's length only, so that a failing one cannot be tried with a shorter one.
+  [[nodiscard]] virtual std::optional<double> window_step() const { return std::nullopt; }
+
   /// Computes one window (transient) or one equilibrium (steady) under `inputs`.
-  virtual AdvanceResult advance(const Window& window, const v1::Exchange& inputs, ProgressBoard& progress) = 0;
+  virtual AdvanceResult advance(const Window& window, const v1::Exchange& inputs,
+                                ProgressBoard& progress) = 0;
 
   /// The last advance becomes the start of the next window.
   virtual void accept() = 0;

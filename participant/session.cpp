@@ -119,6 +119,7 @@ v1::Reply Session::carry_out(const v1::Request& request) {
       if (!configured_) throw OutOfOrder("Start before a Configure without problems");
       if (started_) throw OutOfOrder("a second Start");
       *reply.mutable_started()->mutable_initial() = participant_.start(request.start().initial(), folder_);
+      if (const auto step = participant_.window_step()) reply.mutable_started()->set_window_step(*step);
       started_ = true;
       break;
     }

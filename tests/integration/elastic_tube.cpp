@@ -2,6 +2,10 @@
 // side, the tube's cross-section as a function of the pressure on the other. Nothing but the iteration costs
 // anything.
 //
+// `intervals` = 100 by default; `own_surface = true` gives the fluid a wet surface of its own, so that both
+// sides may have other nodes and the coupler has to map between them. `longest_window` [s]: with longer
+// windows the fluid finds no solution.
+//
 //   fluid  d(a)/dt + d(a v)/dx = 0,  d(a v)/dt + d(a v^2)/dx + a dp/dx = 0, implicit Euler, 101 nodes on L =
 //   10,
 //          inflow v = 10 + 3 sin(10 pi t), non-reflecting outflow (Degroote et al. 2008)
@@ -22,12 +26,13 @@ namespace {
 
 using namespace estuary;
 
-constexpr int intervals = 100;
-constexpr int nodes = intervals + 1;
 constexpr double length = 10.0;
-constexpr double dx = length / intervals;
 constexpr double young_modulus = 1e4;
 constexpr std::uint64_t surface_identity = 1010;
+constexpr std::uint64_t own_surface_identity = 2020;
+// Before the first request.
+int nodes = 101;
+double dx = length / 100;
 const double radius = 1 / std::sqrt(std::numbers::pi);
 const double wave_speed = std::sqrt(young_modulus / 2 / radius);
 
@@ -38,8 +43,8 @@ double inflow(double t) {
 }
 
 struct Flow {
-  Vector velocity = Vector::Constant(nodes, inflow(0));
-  Vector pressure = Vector::Zero(nodes);
+  Vector velocity;
+  Vector pressure;
 };
 
 // Residuals of momentum (first half) and continuity (second half) for the new state.
@@ -117,29 +122,39 @@ public:
     role_ = role;
     SceneTable table = scene.root().table(role);
     table.leave_to_others({"solver", "connect", "threads"});
+    nodes = static_cast<int>(table.integer_or("intervals", 100, 10, 100'000)) + 1;
+    dx = length / (nodes - 1);
+    own_surface_ = role == "fluid" && table.boolean_or("own_surface", false);
+    longest_window_ = role == "fluid" ? table.number_or("longest_window", 1e9, Range::positive()) : 1e9;
     table.refuse_unknown_keys();
     return {};
   }
   v1::Exchange start(const v1::Exchange& initial, const std::filesystem::path& /*folder*/) override {
-    if (role_ == "fluid") {
+    area_before_ = area_ = Vector::Ones(nodes);
+    flow_before_ = flow_ = {Vector::Constant(nodes, inflow(0)), Vector::Zero(nodes)};
+    v1::Exchange brought;
+    if (role_ == "fluid" && !own_surface_) {
       surface_ = initial.wet_surface();
       check_wet_surface(surface_);
-      return {};
+      if (node_count(surface_) != static_cast<std::size_t>(nodes))
+        throw BadInput("wet_surface",
+                       "has another number of nodes; own_surface = true brings one of its own");
+      return brought;
     }
-    v1::Exchange brought;
-    surface_.set_identity(surface_identity);
+    surface_.set_identity(own_surface_ ? own_surface_identity : surface_identity);
     surface_.set_dimension(2);
-    for (std::uint32_t i = 0; i < nodes; ++i) {
+    for (int i = 0; i < nodes; ++i) {
       surface_.add_reference_positions(i * dx);
       surface_.add_reference_positions(0.0);
       if (i == 0) continue;
-      surface_.add_connectivity(i - 1);
-      surface_.add_connectivity(i);
+      surface_.add_connectivity(static_cast<std::uint32_t>(i - 1));
+      surface_.add_connectivity(static_cast<std::uint32_t>(i));
     }
     *brought.mutable_wet_surface() = surface_;
-    set_displacements(Vector::Zero(nodes), *brought.mutable_displacements());
+    if (role_ == "solid") set_displacements(Vector::Zero(nodes), *brought.mutable_displacements());
     return brought;
   }
+  std::optional<double> window_step() const override { return 0.0; }
   AdvanceResult advance(const Window& window, const v1::Exchange& inputs, ProgressBoard& progress) override {
     if (progress.stop_requested()) throw Interrupted();
     AdvanceResult result;
@@ -147,11 +162,13 @@ public:
       check_displacements(inputs.displacements(), surface_);
       for (int i = 0; i < nodes; ++i) area_[i] = 1 + inputs.displacements().displacement(2 * i + 1);
       if (!(area_.minCoeff() > 0)) throw Diverged("area", "the tube is closed", "more relaxation");
+      if (window.duration > longest_window_)
+        throw NotConverged("the flow in the tube has no solution", "a smaller window");
       flow_ = solve(flow_before_, area_, area_before_, window.duration, window.time + window.duration);
       result.outputs.mutable_pressures()->set_surface(surface_.identity());
       for (int i = 0; i < nodes; ++i) result.outputs.mutable_pressures()->add_pressure(flow_.pressure[i]);
       result.watches.push_back(
-          {"flow", {{"pressure", flow_.pressure[0]}, {"outflow", flow_.velocity[intervals]}}});
+          {"flow", {{"pressure", flow_.pressure[0]}, {"outflow", flow_.velocity[nodes - 1]}}});
     } else {
       check_forces(inputs.forces(), surface_);
       const Vector pressure = pressure_from(inputs.forces());
@@ -184,10 +201,10 @@ private:
     Vector right(nodes);
     for (int i = 0; i < nodes; ++i) {
       right[i] = -forces.force(2 * i + 1);
-      const bool end = i == 0 || i == intervals;
+      const bool end = i == 0 || i == nodes - 1;
       entries.emplace_back(i, i, dx * (end ? 2.0 : 4.0) / 6);
       if (i > 0) entries.emplace_back(i, i - 1, dx / 6);
-      if (i < intervals) entries.emplace_back(i, i + 1, dx / 6);
+      if (i < nodes - 1) entries.emplace_back(i, i + 1, dx / 6);
     }
     Eigen::SparseMatrix<double> mass(nodes, nodes);
     mass.setFromTriplets(entries.begin(), entries.end());
@@ -206,8 +223,10 @@ private:
   v1::WetSurface surface_;
   Flow flow_before_;
   Flow flow_;
-  Vector area_before_ = Vector::Ones(nodes);
-  Vector area_ = Vector::Ones(nodes);
+  Vector area_before_;
+  Vector area_;
+  bool own_surface_ = false;
+  double longest_window_ = 1e9;
 };
 
 }  // namespace

@@ -2,6 +2,8 @@
 
 #include <gtest/gtest.h>
 
+#include <cmath>
+
 namespace estuary::coupler {
 namespace {
 
@@ -93,6 +95,28 @@ TEST(Convergence, ALeastNumberOfIterationsIsKept) {
   EXPECT_EQ(convergence.judge({.displacement = 1.0}, 1), Verdict::go_on);
   EXPECT_EQ(convergence.judge({.displacement = 1.0}, 2), Verdict::go_on);
   EXPECT_EQ(convergence.judge({.displacement = 1.0}, 3), Verdict::converged);
+}
+
+// The instability of an explicit scheme alternates and grows; a splitting error is smaller than the motion,
+// and a motion that turns round differs by more than itself only for a moment.
+TEST(Convergence, AnExplicitSchemeRunsAwayWhenItsMismatchGrowsBeyondTheMotion) {
+  const auto windows_until = [](const auto& velocity_of, int most) {
+    Convergence convergence(scene_with({}), 1.0);
+    double before = 0;
+    for (int k = 1; k <= most; ++k) {
+      const double velocity = velocity_of(k);
+      if (convergence.runs_away(
+              {.velocity_increment = std::abs(velocity - before), .velocity = std::abs(velocity)}))
+        return k;
+      before = velocity;
+    }
+    return 0;
+  };
+  EXPECT_LE(windows_until([](int k) { return std::pow(-1.5, k); }, 10), 6);
+  EXPECT_NE(windows_until([](int k) { return std::pow(-1.5, k); }, 10), 0);
+  EXPECT_EQ(windows_until([](int k) { return std::sin(0.2 * k); }, 500), 0);
+  EXPECT_EQ(windows_until([](int k) { return std::exp(0.5 * k); }, 50), 0);
+  EXPECT_EQ(windows_until([](int k) { return std::pow(-0.9, k); }, 100), 0);
 }
 
 }  // namespace

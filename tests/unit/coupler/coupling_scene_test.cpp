@@ -79,5 +79,53 @@ TEST(CouplingScene, AWatchNameBecomesAFileName) {
               HasSubstr("file name"));
 }
 
+TEST(CouplingScene, AParallelSchemeMeasuresTheForcesToo) {
+  const std::string parallel =
+      "[coupling]\nmode = \"transient\"\nwindow = 0.1\nend_time = 1.0\nscheme = "
+      "\"parallel-implicit\"\ntolerance = 1e-5\n";
+  const auto [scene, problems] = read(parallel + "[fluid]\n[solid]\n");
+  EXPECT_TRUE(problems.empty());
+  ASSERT_EQ(scene.measures.size(), 3U);
+  EXPECT_EQ(scene.measures[2].field, Field::force);
+  EXPECT_DOUBLE_EQ(scene.measures[2].limit, 1e-4);
+  EXPECT_THAT(
+      only_problem("[coupling]\nmode = \"transient\"\nwindow = 0.1\nend_time = 1.0\n"
+                   "scheme = \"parallel-implicit\"\n[[coupling.convergence]]\nfield = \"displacement\"\n"
+                   "measure = \"relative\"\nlimit = 1e-3\n[fluid]\n[solid]\n"),
+      HasSubstr("force"));
+}
+
+TEST(CouplingScene, ReadsTheMapping) {
+  const auto mapping = [](const std::string& text) {
+    return "[coupling]\n[coupling.mapping]\n" + text + "[fluid]\n[solid]\n";
+  };
+  const auto scene =
+      read(mapping("kind = \"wendland-c4\"\nsupport_radius = 0.2\nloads = \"pressures\"\n")).scene;
+  EXPECT_EQ(scene.mapping.kind, MappingKind::wendland_c4);
+  EXPECT_DOUBLE_EQ(scene.mapping.support_radius, 0.2);
+  EXPECT_EQ(scene.mapped_loads, Loads::pressures);
+  EXPECT_EQ(read(mapping("kind = \"nearest-neighbor\"\n")).scene.mapping.kind,
+            MappingKind::nearest_neighbour);
+  EXPECT_THAT(only_problem(mapping("kind = \"wendland-c2\"\n")), HasSubstr("support_radius"));
+  EXPECT_THAT(only_problem(mapping("support_radius = 0.2\n")), HasSubstr("wendland"));
+}
+
+TEST(CouplingScene, AWatchOfTheCouplingNeedsAWetSurface) {
+  const std::string watch = "[[watch]]\nname = \"all\"\nparticipant = \"coupling\"\n";
+  EXPECT_TRUE(read("[coupling]\n[fluid]\n[solid]\n" + watch).problems.empty());
+  EXPECT_THAT(only_problem("[coupling]\n[fluid]\n" + watch), HasSubstr("wet surface"));
+}
+
+TEST(CouplingScene, ReadsTheAdaptiveWindow) {
+  const std::string transient = "[coupling]\nmode = \"transient\"\nwindow = 0.64\nend_time = 6.4\n";
+  EXPECT_DOUBLE_EQ(read(transient + "adaptive_window = true\n[fluid]\n[solid]\n").scene.smallest_window,
+                   0.01);
+  EXPECT_THAT(only_problem(transient + "smallest_window = 0.1\n[fluid]\n[solid]\n"),
+              HasSubstr("adaptive_window"));
+  EXPECT_THAT(only_problem(transient + "adaptive_window = true\nsmallest_window = 1.0\n[fluid]\n[solid]\n"),
+              HasSubstr("larger"));
+  EXPECT_THAT(only_problem("[coupling]\nadaptive_window = true\n[fluid]\n[solid]\n"), HasSubstr("steady"));
+}
+
 }  // namespace
 }  // namespace estuary::coupler
