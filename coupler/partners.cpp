@@ -208,12 +208,12 @@ double Partners::ask_solid(const std::vector<double>& forces) {
 
 InterfaceState Partners::answer_at_once(const InterfaceState& x, IterationRow& row) {
   std::vector<Participants::Question> questions;
-  const auto question = [&](const Partner& partner, v1::Exchange inputs) {
+  const auto ask = [&](const Partner& partner, v1::Exchange inputs) {
     questions.push_back({partner.participant, advance_request(*partner.participant, std::move(inputs))});
   };
-  if (fluid_.there()) question(fluid_, for_fluid(x.motion));
-  if (grains_.there()) question(grains_, for_grains(x.motion));
-  if (solid_.there()) question(solid_, for_solid(x.forces));
+  if (fluid_.there()) ask(fluid_, for_fluid(x.motion));
+  if (grains_.there()) ask(grains_, for_grains(x.motion));
+  if (solid_.there()) ask(solid_, for_solid(x.forces));
   std::vector<double> before;
   for (const auto& question : questions) before.push_back(question.participant->usage().wall_s);
   std::vector<RemoteParticipant*> asked;

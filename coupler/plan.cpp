@@ -75,6 +75,7 @@ void note_left_out(CheckedScene& checked) {
   if (checked.coupling.participants.size() == 1) {
     checked.left_out.emplace_back("exchange, mapping and coupling iterations: one participant");
   }
+  if (!checked.coupling.record) checked.left_out.emplace_back("record for a replay: output.record is false");
   if (!checked.coupling.frames) checked.left_out.emplace_back("field files: output.frames is false");
   for (const auto& [role, configured] : checked.participants) {
     for (const auto& item : configured.left_out())
@@ -127,7 +128,10 @@ std::string coupling_text(const CouplingScene& coupling) {
   }
   for (std::size_t k = 0; k < coupling.measures.size(); ++k)
     text += (k == 0 ? ", until " : " and ") + measure_text(coupling.measures[k]);
-  return text + fmt::format(", at most {} iterations", coupling.max_iterations);
+  text += fmt::format(", at most {} iterations", coupling.max_iterations);
+  if (coupling.adaptive_window)
+    text += fmt::format(", a failing window shortened to no less than {:g} s", coupling.smallest_window);
+  return text;
 }
 
 std::string bytes_text(double bytes) {
