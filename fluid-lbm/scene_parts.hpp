@@ -19,6 +19,8 @@ void read_grid(SceneTable& fluid, int dimension, FluidScene& result);
 void read_time_step(SceneTable& fluid, FluidScene& result, Plan& plan);
 void read_model(SceneTable& fluid, int dimension, FluidScene& result, Plan& plan);
 void read_obstacles(SceneTable& fluid, FluidScene& result, Plan& plan);
+/// Between discs and spheres, and among solid nodes.
+void warn_of_narrow_gaps(const FluidScene& scene, Plan& plan);
 void read_watches(SceneTable& root, const std::string& role, int dimension, FluidScene& result);
 /// Speeds that the sides impose at the start, against the speed of sound.
 void check_side_values(SceneTable& fluid, const FluidScene& result, Plan& plan);

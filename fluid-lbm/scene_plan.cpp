@@ -43,6 +43,15 @@ void fill_plan(const FluidScene& result, Plan& plan) {
     plan.warnings.push_back(
         fmt::format("cell Reynolds number {:.3g}: above 10 boundary layers are not resolved", grid_reynolds));
   }
+  constexpr double single_floor = 1e-5;  // what rounding leaves of changes, README
+  if (result.flow.storage == Storage::single_precision && result.mode == Mode::steady &&
+      result.steady_tolerance < single_floor) {
+    plan.warnings.push_back(fmt::format(
+        "steady.tolerance = {:.1g} with storage = \"float\": rounding may leave larger changes, and the "
+        "flow then never counts as steady; 1e-4 is safe",
+        result.steady_tolerance));
+  }
+  warn_of_narrow_gaps(result, plan);
   plan.memory_bytes =
       Populations::memory_bytes(grid, result.flow.storage) +
       (result.repeats_windows ? Populations::memory_bytes(grid) : 0.0) +

@@ -128,6 +128,35 @@ TEST(Configure, WarnsNearItsLimits) {
   EXPECT_THAT(plan.warnings, testing::Contains(HasSubstr("boundary layers")));
 }
 
+TEST(Configure, WarnsOfNarrowGaps) {
+  const auto warnings_of = [](const std::string& more) {
+    Scene scene = Scene::parse(channel_scene(steady) + more, "s");
+    Fluid fluid;
+    const Plan plan = fluid.configure(scene, "fluid");
+    EXPECT_TRUE(scene.problems().empty());
+    return plan.warnings;
+  };
+  // Spacing 0.02: gaps of 2.5 and of 5 spacings.
+  const auto narrow = HasSubstr("gap between discs or spheres is 2.5 spacings");
+  EXPECT_THAT(warnings_of("[[fluid.obstacle]]\ndiscs = [[0.3,0.2,0.05],[0.45,0.2,0.05]]\n"),
+              testing::Contains(narrow));
+  EXPECT_THAT(warnings_of("[[fluid.obstacle]]\ndiscs = [[0.3,0.2,0.05],[0.5,0.2,0.05]]\n"),
+              testing::Not(testing::Contains(HasSubstr("between discs"))));
+  const std::string box = "[[fluid.obstacle]]\nbox = [[0.3,0.1],[0.4,0.2]]\n[[fluid.obstacle]]\nbox = ";
+  EXPECT_THAT(warnings_of(box + "[[0.44,0.1],[0.5,0.2]]\n"),
+              testing::Contains(HasSubstr("% of the passages between solid nodes")));
+  EXPECT_THAT(warnings_of(box + "[[0.52,0.1],[0.6,0.2]]\n"),
+              testing::Not(testing::Contains(HasSubstr("passages between solid nodes"))));
+}
+
+TEST(Configure, WarnsWhenRoundingMayKeepAFlowFromBeingSteady) {
+  Scene scene =
+      Scene::parse(with(channel_scene(steady), "density = 2.0", "density = 2.0\nstorage = \"float\""), "s");
+  Fluid fluid;
+  EXPECT_THAT(fluid.configure(scene, "fluid").warnings,
+              testing::Contains(HasSubstr("never counts as steady")));
+}
+
 class Running : public testing::Test {
 protected:
   void SetUp() override {
