@@ -10,7 +10,7 @@
 namespace estuary::solid {
 namespace {
 
-constexpr std::array<std::string_view, 5> kShapes{"box", "disc", "polygon", "image", "points"};
+constexpr std::array<std::string_view, 6> kShapes{"box", "disc", "polygon", "image", "points", "polyline"};
 
 // One body for each region of the picture, as copies of `body`.
 std::vector<BodyScene> regions_of(SceneTable table, const SolidScene& scene, const BodyScene& body) {
@@ -138,7 +138,8 @@ void read_shape(SceneTable& table, SolidScene& result, BodyScene& body) {
   for (const std::string_view shape : kShapes)
     if (table.has(shape)) given.push_back(shape);
   if (given.size() != 1) {
-    table.problem(given.empty() ? "" : given[1], "give one of `box`, `disc`, `polygon`, `image` or `points`");
+    table.problem(given.empty() ? "" : given[1],
+                  "give one of `box`, `disc`, `polygon`, `image`, `points` or `polyline`");
     for (const std::string_view shape : kShapes) table.leave_to_others({shape});
     return;
   }
@@ -157,6 +158,12 @@ void read_shape(SceneTable& table, SolidScene& result, BodyScene& body) {
     if (table.has("hole")) read_polygon(table, "hole", body);
   } else if (given[0] == "image") {
     body.shape = Shape::polygon;  // see add_body
+  } else if (given[0] == "polyline") {
+    body.shape = Shape::polyline;
+    const std::vector<double> points = table.points("polyline", 2);
+    Polygon& line = body.loops.emplace_back();
+    for (std::size_t k = 0; k + 1 < points.size(); k += 2) line.push_back({points[k], points[k + 1]});
+    if (line.size() < 2) table.problem("polyline", "needs at least two points [[x, y], ...]");
   } else {
     body.shape = Shape::points;
     read_points(table, table.text("points"), result.spacing > 0 ? result.spacing : 1.0, body);
@@ -284,6 +291,7 @@ std::vector<Polygon> BodyScene::outline(double spacing) const {
     case Shape::polygon:
       return loops;
     case Shape::points:
+    case Shape::polyline:
       break;
   }
   return {};
@@ -320,10 +328,15 @@ void read_bodies(SceneTable& solid, SolidScene& result) {
     BodyScene body;
     body.name = "body";
     read_shape(solid, result, body);
-    if (read_kind(solid))
+    const Kind kind = read_kind(solid);
+    if (kind == Kind::rigid)
       read_rigid(solid, result, 0, body);
     else
       body.material = read_material(solid, nullptr);
+    if (kind == Kind::shell)
+      read_shell(solid, body);
+    else if (body.shape == Shape::polyline)
+      solid.problem("polyline", "is of a body with kind = \"shell\"");
     read_velocity(solid, body);
     for (const Side side : read_sides(solid, "clamped"))
       body.box.clamped[static_cast<std::size_t>(side)] = true;
@@ -346,7 +359,12 @@ void read_bodies(SceneTable& solid, SolidScene& result) {
       BodyScene body;
       body.name = table.text_or("name", "body " + std::to_string(result.bodies.size() + 1));
       read_shape(table, result, body);
-      if (read_kind(table)) {
+      const Kind kind = read_kind(table);
+      if (kind == Kind::shell)
+        read_shell(table, body);
+      else if (body.shape == Shape::polyline)
+        table.problem("polyline", "is of a body with kind = \"shell\"");
+      if (kind == Kind::rigid) {
         read_rigid(table, result, shared.density, body);
       } else {
         if (!has_ratio && !table.has("poisson_ratio")) table.problem("", "poisson_ratio is missing");

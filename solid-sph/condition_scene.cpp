@@ -73,9 +73,12 @@ void read_holds(SceneTable& solid, SolidScene& result) {
       table.problem("", "here only a `region` can be held: there are no particles on the contour");
     if (table.has("components")) {
       hold.component = {false, false};
+      hold.rotation = false;
       for (const std::string& word : table.texts_or_empty("components")) {
         if (word == "x" || word == "y")
           hold.component[word == "x" ? 0 : 1] = true;
+        else if (word == "rotation" && result.bodies[hold.place.body].shell)
+          hold.rotation = true;
         else
           table.problem("components", "only \"x\" and \"y\" can be held, not \"" + word + "\"");
       }
@@ -94,9 +97,13 @@ void read_holds(SceneTable& solid, SolidScene& result) {
 void read_load(SceneTable& table, SolidScene& result) {
   LoadScene load;
   load.place = read_place(table, result);
-  const int given =
-      (table.has("force") ? 1 : 0) + (table.has("traction") ? 1 : 0) + (table.has("pressure") ? 1 : 0);
-  if (given != 1) table.problem("", "give one of `force`, `traction` and `pressure`");
+  const bool shell = result.bodies[load.place.body].shell.has_value();
+  const int given = (table.has("force") ? 1 : 0) + (table.has("traction") ? 1 : 0) +
+                    (table.has("pressure") ? 1 : 0) + (shell && table.has("moment") ? 1 : 0);
+  if (given != 1)
+    table.problem("", shell ? "give one of `force`, `moment`, `traction` and `pressure`"
+                            : "give one of `force`, `traction` and `pressure`");
+  if (shell && table.has("moment")) load.moment = table.number("moment");
   const Place& place = load.place;
   if (place.side) {
     const Box& box = result.bodies[place.body].box;
@@ -113,6 +120,8 @@ void read_load(SceneTable& table, SolidScene& result) {
   if (table.has("force")) {
     const auto force = table.numbers("force", 2);
     if (force.size() == 2) load.force = {force[0], force[1]};
+  }
+  if (table.has("force") || load.moment != 0) {
     if (table.has("ramp")) {
       load.ramp = table.expression("ramp");
       check_expression(table, "ramp", load.ramp);

@@ -39,6 +39,13 @@ struct PrescribedMotion {
   std::function<double(double, double, double)> displacement;  // of reference x, y and t [m]
 };
 
+/// Moment on particles of a shell, in equal shares.
+struct MomentLoad {
+  std::vector<std::uint32_t> particle;
+  double moment = 0;                     // [N m/m]
+  std::function<double(double)> factor;  // of the time [s]; empty means 1
+};
+
 /// Displacement of one degree of freedom (x, y, rotation) of a rigid body that holds it.
 struct RigidDrive {
   std::size_t rigid = 0, freedom = 0;          // index into Body::rigid
@@ -51,6 +58,7 @@ struct Loading {
   std::vector<PressureLoad> pressures;
   std::vector<PrescribedMotion> prescribed;
   std::vector<RigidDrive> rigid_drives;
+  std::vector<MomentLoad> moments;
   ContactSettings contact;          // none when it names no body
   std::array<double, 2> gravity{};  // [m/s2]
   std::array<bool, 2> held{};       // components of the displacement that stay zero, in `advance` only

@@ -33,16 +33,16 @@ void read_drive(SceneTable& table, std::string_view key, std::size_t freedom, Ri
 
 }  // namespace
 
-bool read_kind(SceneTable& table) {
-  constexpr std::array<std::string_view, 2> kinds{"deformable", "rigid"};
-  const bool rigid = table.choice("kind", kinds) == "rigid";
-  if (!rigid)
+Kind read_kind(SceneTable& table) {
+  constexpr std::array<std::string_view, 3> kinds{"deformable", "rigid", "shell"};
+  const std::string kind = table.choice("kind", kinds);
+  if (kind != "rigid")
     for (const std::string_view key : kRigidKeys)
       if (table.has(key)) {
         table.leave_to_others({key});
         table.problem(key, "is of a body with kind = \"rigid\"");
       }
-  return rigid;
+  return static_cast<Kind>(std::find(kinds.begin(), kinds.end(), kind) - kinds.begin());
 }
 
 void read_rigid(SceneTable& table, const SolidScene& scene, double shared_density, BodyScene& body) {
@@ -52,8 +52,8 @@ void read_rigid(SceneTable& table, const SolidScene& scene, double shared_densit
       table.leave_to_others({key});
       table.problem(key, "means nothing for a rigid body");
     }
-  if (body.shape == Shape::points)
-    table.problem("points", "a rigid body needs an outline: `box`, `disc` or `polygon`");
+  if (body.shape == Shape::points || body.shape == Shape::polyline)
+    table.problem("kind", "a rigid body needs an outline: `box`, `disc` or `polygon`");
   if (scene.placement != Placement::on_contour || scene.clamp != Clamp::line || scene.periodic)
     table.problem("kind", "a rigid body is its contour: no `placement`, `clamp` or `periodic`");
   if (table.has("clamped")) table.problem("clamped", "is of deformable bodies; use `held`");

@@ -5,10 +5,20 @@
 #include <stdexcept>
 
 #include "rigid_motion.hpp"
+#include "shell.hpp"
 #include "stress_points.hpp"
 #include "surface_transfer.hpp"
 
 namespace estuary::solid {
+
+ShellSection shell_section(const SolidScene& scene, const BodyScene& body) {
+  return {.thickness = body.shell->thickness,
+          .young_modulus = body.shell->modulus(body.material, scene.plane),
+          .shear_modulus = 0.5 * body.material.young_modulus / (1 + body.material.poisson_ratio),
+          .shear_correction = body.shell->shear_correction,
+          .density = body.material.density};
+}
+
 namespace {
 
 Body from_points(const BodyScene& scene, double spacing, double smoothing_ratio) {
@@ -62,9 +72,12 @@ Body single(const SolidScene& scene, const BodyScene& body) {
       return from_points(body, scene.spacing, scene.smoothing_ratio);
     case Shape::disc:
     case Shape::polygon:
+    case Shape::polyline:
       break;
   }
   try {
+    if (body.shell)
+      return fill_row(body.loops.front(), body.shell->closed, scene.spacing, shell_section(scene, body));
     return fill_outline(body.outline(scene.spacing), {.spacing = scene.spacing,
                                                       .density = body.material.density,
                                                       .smoothing_ratio = scene.smoothing_ratio});
@@ -117,7 +130,7 @@ public:
     for (std::size_t o = 0; o < body_.outlines.size(); ++o) {
       if (body_.outline_member[o] != place_.body) continue;
       const auto& particle = body_.outlines[o].particle;
-      for (std::size_t k = 0; k < particle.size(); ++k) {
+      for (std::size_t k = 0; k + (body_.outlines[o].closed ? 0 : 1) < particle.size(); ++k) {
         const std::uint32_t a = particle[k], b = particle[(k + 1) % particle.size()];
         if (holds(a) && holds(b)) result.push_back({a, b});
       }
@@ -178,6 +191,8 @@ Body build_body(const SolidScene& scene) {
         ++count;
         for (std::size_t c = 0; c < 2; ++c)
           if (hold.component[c]) body.fixed[i] = static_cast<std::uint8_t>(body.fixed[i] | (c == 0 ? 1 : 2));
+        if (hold.rotation && scene.bodies[hold.place.body].shell)
+          body.fixed[i] = static_cast<std::uint8_t>(body.fixed[i] | kRotationFixed);
       }
     if (count == 0)
       throw std::invalid_argument("[[solid.hold]] number " + std::to_string(h + 1) + " meets no particle");
@@ -260,7 +275,27 @@ Loading build_loading(const SolidScene& scene, const Body& body,
       loading.loads.push_back(std::move(load));
       continue;
     }
-    const auto segments = Selection(scene, body, scene_load.place).segments();
+    const Selection selection(scene, body, scene_load.place);
+    const auto segments = selection.segments();
+    // A load on single particles of a shell.
+    if (scene.bodies[scene_load.place.body].shell && (segments.empty() || scene_load.moment != 0)) {
+      std::vector<std::uint32_t> chosen;
+      for (std::uint32_t i = 0; i < body.size(); ++i)
+        if (selection.holds(i)) chosen.push_back(i);
+      if (chosen.empty()) throw std::invalid_argument("a [[solid.load]] meets no particle of the shell");
+      ParticleLoad load;
+      load.particle = chosen;
+      for (std::size_t k = 0; k < chosen.size(); ++k)
+        for (const double force : scene_load.force)
+          load.end.push_back(force / static_cast<double>(chosen.size()));
+      load.start = load.end;
+      scaled_by_ramp(load);
+      if (scene_load.moment != 0)
+        loading.moments.push_back({chosen, scene_load.moment, load.factor});
+      else
+        loading.loads.push_back(std::move(load));
+      continue;
+    }
     if (segments.empty()) throw std::invalid_argument("a [[solid.load]] meets no segment of a contour");
     if (!scene_load.pressure.empty()) {
       PressureLoad load;

@@ -5,10 +5,13 @@
 #include <vector>
 
 #include "expression.hpp"
+#include "shell.hpp"
 #include "solid_scene.hpp"
 
 namespace estuary::solid {
 
+/// Of a body that is a shell.
+ShellSection shell_section(const SolidScene& scene, const BodyScene& body);
 /// All bodies of the scene, one after another, with what is held marked. Throws std::invalid_argument naming
 /// the body or condition that cannot be met (an outline finer than the spacing, a hold without particles).
 Body build_body(const SolidScene& scene);

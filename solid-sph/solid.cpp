@@ -59,7 +59,11 @@ void Solid::build() {
   body_ = build_body(scene_);
   SolverOptions options = scene_.solver_options();
   for (Material& material : options.materials) material.viscosity.smoothing_length = body_.smoothing_length;
-  if (scene_.updated_lagrangian)
+  if (scene_.shells()) {
+    std::vector<ShellSection> sections;
+    for (const BodyScene& body : scene_.bodies) sections.push_back(shell_section(scene_, body));
+    solver_ = std::make_unique<ShellSolver>(body_, std::move(sections));
+  } else if (scene_.updated_lagrangian)
     solver_ = std::make_unique<UpdatedLagrangianSolver>(body_, options);
   else
     solver_ = make_solver(scene_.law, body_, options);
@@ -132,7 +136,10 @@ v1::Exchange Solid::start(const v1::Exchange&, const std::filesystem::path& fold
     if (watch.point) {
       entry.point = *watch.point;
       entry.rigid = rigid_at(*watch.point);
-      if (!entry.rigid) entry.transfer = point_transfer(body_, *watch.point);
+      if (scene_.shells())
+        entry.transfer = row_transfer(body_, *watch.point);
+      else if (!entry.rigid)
+        entry.transfer = point_transfer(body_, *watch.point);
     }
     watches_.push_back(std::move(entry));
   }
@@ -418,6 +425,7 @@ std::array<double, 3> Solid::reaction(double time) {
       const std::size_t o = 2 * i + 1 - c;
       sum[2] += (c == 1 ? 1 : -1) * (body_.position[o] + state_.displacement[o]) * force;
     }
+  sum[2] += solver_->held_moment();
   // What springs and dampers pull with; a held degree of freedom carries the rest.
   for (std::size_t r = 0; r < body_.rigid.size(); ++r) {
     const RigidBody& rigid = body_.rigid[r];
@@ -518,6 +526,12 @@ std::vector<WatchValues> Solid::watch_values(double time) {
           {"velocity_x", v[0]},     {"velocity_y", v[1]},         {"cauchy_xx", stress[0]},
           {"cauchy_yy", stress[1]}, {"cauchy_xy", stress[2]},     {"cauchy_zz", stress[3]},
           {"von_mises", stress[4]}, {"plastic_strain", stress[5]}};
+      if (scene_.shells()) {
+        std::array<double, 2> turn{};
+        interpolate(*watch.transfer, state_.history, turn);
+        entry.quantities.emplace_back("rotation", turn[0]);
+        entry.quantities.emplace_back("angular_velocity", turn[1]);
+      }
     } else {
       double largest = 0;
       for (std::size_t i = 0; i < body_.size(); ++i)
@@ -532,6 +546,7 @@ std::vector<WatchValues> Solid::watch_values(double time) {
         spin += m * ((body_.position[2 * i] + state_.displacement[2 * i]) * vy -
                      (body_.position[2 * i + 1] + state_.displacement[2 * i + 1]) * vx);
       }
+      spin += solver_->spin(state_);
       double springs = 0;
       for (std::size_t r = 0; r < body_.rigid.size(); ++r) {
         const RigidBody& rigid = body_.rigid[r];

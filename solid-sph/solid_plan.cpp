@@ -42,6 +42,10 @@ void plan_rigid(const SolidScene& scene, const BodyScene& body, Plan& plan) {
 Plan plan_of(const SolidScene& scene) {
   const Box& box = scene.bodies.front().box;
   Plan plan;
+  if (scene.shells()) {
+    plan_shells(scene, plan);
+    return plan;
+  }
   double particles = 0;
   double across = 1e300;
   for (const BodyScene& body : scene.bodies) {

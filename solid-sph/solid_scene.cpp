@@ -13,6 +13,17 @@ bool near_a_body(const SolidScene& scene, double x, double y) {
         if (std::hypot(body.points[k] - x, body.points[k + 1] - y) < 2 * scene.spacing) return true;
       continue;
     }
+    if (body.shape == Shape::polyline) {
+      const Polygon& line = body.loops.front();
+      for (std::size_t k = 0; k < line.size(); ++k) {
+        const auto &a = line[k], &b = line[(k + 1) % line.size()];
+        if (k + 1 == line.size() && !(body.shell && body.shell->closed)) break;
+        const double dx = b[0] - a[0], dy = b[1] - a[1];
+        const double share = std::clamp(((x - a[0]) * dx + (y - a[1]) * dy) / (dx * dx + dy * dy), 0.0, 1.0);
+        if (std::hypot(a[0] + share * dx - x, a[1] + share * dy - y) < 0.5 * scene.spacing) return true;
+      }
+      continue;
+    }
     const auto loops = body.outline(scene.spacing);
     // Points on the contour count: a hair around it is tried as well.
     const double slip = 1e-6 * scene.spacing;
@@ -100,11 +111,11 @@ void read_method(SceneTable& solid, SolidScene& result) {
   result.damping = solid.number_or("damping", 0.0, Range::not_negative());
   constexpr std::array<std::string_view, 2> methods{"newton", "relaxation"};
   result.steady.tolerance = 1e-6;
-  bool relaxation = false;
+  bool relaxation = result.shells();
   std::int64_t steps = 0;
   if (auto steady = solid.table_if("steady")) {
     result.steady.tolerance = steady->number_or("tolerance", 1e-6, {.minimum = 1e-12, .maximum = 0.1});
-    relaxation = steady->choice("method", methods) == "relaxation";
+    if (!relaxation || steady->has("method")) relaxation = steady->choice("method", methods) == "relaxation";
     steps = steady->integer_or("maximum_steps", 0, 0, 1'000'000'000);
   }
   result.method = relaxation ? SteadyMethod::relaxation : SteadyMethod::newton;
@@ -152,6 +163,11 @@ ElasticConstants SolidScene::constants(std::size_t body) const {
   // Nothing of a rigid body is strained; any law will do.
   if (bodies[body].rigid) return ElasticConstants::from(1.0, 0.0, plane);
   return ElasticConstants::from(material.young_modulus, material.poisson_ratio, plane);
+}
+
+bool SolidScene::shells() const {
+  return std::any_of(bodies.begin(), bodies.end(),
+                     [](const BodyScene& body) { return body.shell.has_value(); });
 }
 
 double SolidScene::wave_speed(std::size_t body) const {
@@ -214,6 +230,7 @@ SolidScene read_solid_scene(Scene& scene, const std::string& role) {
   if (result.updated_lagrangian && std::any_of(result.bodies.begin(), result.bodies.end(),
                                                [](const BodyScene& body) { return body.rigid.has_value(); }))
     solid.problem("formulation", "\"updated_lagrangian\" knows no rigid bodies");
+  check_shells(solid, result);
   read_watches(root, role, result);
   if (result.mode == Mode::steady)
     for (std::size_t k = 0; k < result.bodies.size(); ++k) {

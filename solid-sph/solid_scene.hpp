@@ -13,7 +13,7 @@
 
 namespace estuary::solid {
 
-enum class Shape { box, disc, polygon, points };
+enum class Shape { box, disc, polygon, points, polyline };
 
 struct MaterialScene {
   double density = 0;
@@ -36,16 +36,27 @@ struct RigidScene {
   [[nodiscard]] std::vector<double> mass_and_inertia(const BodyScene& body, double spacing) const;
 };
 
+/// One row of particles on the mid-line of a shell; see ShellSection.
+struct ShellScene {
+  double thickness = 0;  // [m]
+  bool closed = false;
+  double shear_correction = 5.0 / 6.0;
+
+  /// E' [Pa].
+  [[nodiscard]] double modulus(const MaterialScene& material, Plane plane) const;
+};
+
 struct BodyScene {
   std::string name;
   Shape shape = Shape::box;
   Box box;                         // clamps, too; spacing and placement of the whole scene
   std::array<double, 2> centre{};  // of a disc [m]
   double radius = 0;               // of a disc [m]
-  std::vector<Polygon> loops;      // of a polygon, holes after the first
+  std::vector<Polygon> loops;      // of a polygon, holes after the first; the points of a polyline
   std::vector<double> points;      // x, y [m], volume [m2] of each particle of a point list
   MaterialScene material;
   std::optional<RigidScene> rigid;
+  std::optional<ShellScene> shell;
   std::array<std::string, 2> velocity;  // at the start, expressions of x and y; empty means 0
 
   /// Outline of what the scene asks for; empty for a point list.
@@ -63,6 +74,7 @@ struct Place {
 struct HoldScene {
   Place place;
   std::array<bool, 2> component{true, true};
+  bool rotation = true;                     // of shells
   std::array<std::string, 2> displacement;  // expressions of x, y and t; empty means 0
 };
 
@@ -72,6 +84,7 @@ struct LoadScene {
   std::string ramp;                     // expression of t that scales `force`; empty means constant
   std::array<std::string, 2> traction;  // [Pa], expressions of x, y and t
   std::string pressure;                 // [Pa], expression of x, y and t
+  double moment = 0;                    // [N m/m], on a shell, scaled by `ramp`
 };
 
 struct WatchScene {
@@ -131,6 +144,7 @@ struct SolidScene {
     return bodies.size() == 1 && bodies.front().shape == Shape::box && !bodies.front().rigid;
   }
   [[nodiscard]] bool all_rigid() const;
+  [[nodiscard]] bool shells() const;
   [[nodiscard]] ElasticConstants constants(std::size_t body) const;
   [[nodiscard]] double wave_speed(std::size_t body) const;
   [[nodiscard]] double fastest_wave() const;
@@ -144,7 +158,11 @@ SolidScene read_solid_scene(Scene& scene, const std::string& role);
 
 // Parts of it: body_scene.cpp, condition_scene.cpp.
 void read_bodies(SceneTable& solid, SolidScene& result);
-bool read_kind(SceneTable& table);
+enum class Kind { deformable, rigid, shell };
+Kind read_kind(SceneTable& table);
+void read_shell(SceneTable& table, BodyScene& body);
+/// Notes what a scene with shells asks for that they do not have.
+void check_shells(SceneTable& solid, const SolidScene& scene);
 /// `shared_density` is that of [solid], 0 when it has none.
 void read_rigid(SceneTable& table, const SolidScene& scene, double shared_density, BodyScene& body);
 void read_conditions(SceneTable& solid, SolidScene& result);
@@ -156,5 +174,7 @@ void check_expression(SceneTable& table, std::string_view key, const std::string
 
 /// Derived numbers, warnings, what is left out, memory and variant of a scene without problems.
 Plan plan_of(const SolidScene& scene);
+/// The part of shells.
+void plan_shells(const SolidScene& scene, Plan& plan);
 
 }  // namespace estuary::solid

@@ -100,11 +100,15 @@ public:
 
   /// Longest stable step of the reference state, 2 / omega_max [s], by power iteration on the linearised
   /// operator.
-  [[nodiscard]] double reference_stable_step();
+  [[nodiscard]] virtual double reference_stable_step();
   /// How much stiffer the material is now than at rest: largest singular value of dP/dF over all
   /// particles of the last evaluation, relative to that of the undeformed body.
   [[nodiscard]] double stiffening() const;
-  [[nodiscard]] double kinetic_energy(const State& state) const;
+  [[nodiscard]] virtual double kinetic_energy(const State& state) const;
+  /// Angular momentum of particles that turn about themselves [kg m2/s per m].
+  [[nodiscard]] virtual double spin(const State&) const { return 0; }
+  /// Sum of the moments that hold rotations of particles, of the last evaluation [N m/m].
+  [[nodiscard]] virtual double held_moment() const { return 0; }
   /// Force of the loading's end values at `time` on every particle, gravity included [N/m].
   void external_force(const Loading& loading, double time, std::span<const double> displacement,
                       std::vector<double>& force) const;

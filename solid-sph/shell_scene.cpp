@@ -1,0 +1,78 @@
+// Shells of a solid scene: their section, what goes with them and what does not.
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cmath>
+
+#include "solid_scene.hpp"
+
+namespace estuary::solid {
+
+void read_shell(SceneTable& table, BodyScene& body) {
+  ShellScene& shell = body.shell.emplace();
+  shell.thickness = table.number("thickness", Range::positive());
+  shell.closed = table.boolean_or("closed", false);
+  shell.shear_correction = table.number_or("shear_correction", 5.0 / 6.0, {.minimum = 0.1, .maximum = 1.0});
+  if (body.shape != Shape::polyline) table.problem("kind", "a shell is a `polyline` with a `thickness`");
+  if (shell.closed && body.shape == Shape::polyline && body.loops.front().size() < 3)
+    table.problem("closed", "a closed shell needs at least three points");
+}
+
+void check_shells(SceneTable& solid, const SolidScene& scene) {
+  if (!scene.shells()) return;
+  if (std::any_of(scene.bodies.begin(), scene.bodies.end(),
+                  [](const BodyScene& body) { return !body.shell; }))
+    solid.problem("kind", "shells and other bodies do not go into one scene yet");
+  if (!(scene.spacing > 0) || solid.has("particles_across"))
+    solid.problem("particles_across", "a shell is one row of particles; give `spacing`");
+  for (const char* key :
+       {"law", "yield_stress", "placement", "clamp", "periodic", "correction", "kernel", "smoothing_ratio",
+        "stabilisation", "stress_points", "formulation", "viscosity_linear", "viscosity_quadratic",
+        "conservative_smoothing", "hourglass_viscosity", "contact", "wet"})
+    if (solid.has(key)) solid.problem(key, "has no meaning for shells");
+  if (scene.mode == Mode::steady && scene.method != SteadyMethod::relaxation)
+    solid.problem("steady", "a shell's equilibrium is found by method = \"relaxation\"");
+  for (const HoldScene& hold : scene.holds)
+    if (!hold.displacement[0].empty() || !hold.displacement[1].empty())
+      solid.problem("hold", "a shell can be held, not moved");
+}
+
+double ShellScene::modulus(const MaterialScene& material, Plane plane) const {
+  return plane == Plane::strain
+             ? material.young_modulus / (1 - material.poisson_ratio * material.poisson_ratio)
+             : material.young_modulus;
+}
+
+void plan_shells(const SolidScene& scene, Plan& plan) {
+  double particles = 0;
+  for (const BodyScene& body : scene.bodies) {
+    const Polygon& line = body.loops.front();
+    double length = 0;
+    for (std::size_t k = 0; k + (body.shell->closed ? 0 : 1) < line.size(); ++k) {
+      const auto &a = line[k], &b = line[(k + 1) % line.size()];
+      length += std::hypot(b[0] - a[0], b[1] - a[1]);
+    }
+    const double links = std::round(length / scene.spacing);
+    particles += links + (body.shell->closed ? 0 : 1);
+    const double h = body.shell->thickness;
+    plan.derived.emplace_back(
+        "shell \"" + body.name + "\"",
+        fmt::format("length {:.4g} m, {:.4g} thicknesses, {} links, bending stiffness {:.4g} N m", length,
+                    length / h, links, body.shell->modulus(body.material, scene.plane) * h * h * h / 12));
+    if (scene.mode == Mode::transient && h < 0.5 * scene.spacing)
+      plan.warnings.push_back(fmt::format(
+          "the shell is thinner than its spacing: the turning of its fibres asks for steps {:.0f} times "
+          "shorter than its waves",
+          std::sqrt(1 + 3 * std::pow(scene.spacing / h, 2))));
+  }
+  plan.derived.emplace_back("particles", fmt::format("{}", particles));
+  if (scene.mode == Mode::transient)
+    plan.expected_updates = particles *
+                            std::ceil(scene.window / scene.courant_step({scene.spacing, scene.spacing})) *
+                            std::round(scene.end_time / scene.window);
+  plan.left_out.emplace_back("two-dimensional stresses (every body is a shell)");
+  plan.memory_bytes = particles * 500;
+  plan.variant = scene.plane == Plane::strain ? "2d-shell-plane-strain" : "2d-shell-plane-stress";
+}
+
+}  // namespace estuary::solid
