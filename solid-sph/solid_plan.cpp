@@ -63,7 +63,7 @@ Plan plan_of(const SolidScene& scene) {
       particles += static_cast<double>(columns[0]) * static_cast<double>(columns[1]);
       across = std::min(across, static_cast<double>(std::min(columns[0], columns[1])));
     } else if (body.shape == Shape::points) {
-      particles += static_cast<double>(body.points.size() / 3);
+      particles += static_cast<double>(body.points.size()) / 3;
     } else {
       double area = 0;
       const auto loops = body.outline(scene.spacing);
