@@ -40,10 +40,10 @@ struct FixedObstacle {
 };
 
 struct WatchRequest {
-  enum class Kind { integral, point, line, obstacle };
+  enum class Kind { integral, point, line, box, obstacle };
   std::string name;
   Kind kind = Kind::integral;
-  std::vector<double> points;  // one or two, interleaved [m]
+  std::vector<double> points;  // one, or two (ends of a line, corners of a box), interleaved [m]
   int samples = 0;             // of a line
   std::string obstacle;
   double reference_length = 0;  // obstacle: for coefficients; 0 without

@@ -43,9 +43,9 @@ void read_watches(SceneTable& root, const std::string& role, int dimension, Flui
     WatchRequest watch;
     watch.name = table.text("name");
     if (static_cast<int>(table.has("point")) + static_cast<int>(table.has("line")) +
-            static_cast<int>(table.has("obstacle")) >
+            static_cast<int>(table.has("from")) + static_cast<int>(table.has("obstacle")) >
         1) {
-      table.problem("line", "a watch has one of `point`, `line` and `obstacle`");
+      table.problem("line", "a watch has one of `point`, `line`, a box (`from`, `to`) and `obstacle`");
       continue;
     }
     if (table.has("point")) {
@@ -60,6 +60,14 @@ void read_watches(SceneTable& root, const std::string& role, int dimension, Flui
         if (!watch.points.empty()) table.problem("line", "a line has two points");
         continue;
       }
+    } else if (table.has("from") || table.has("to")) {
+      watch.kind = WatchRequest::Kind::box;
+      watch.points = table.numbers("from", components);
+      const std::vector<double> to = table.numbers("to", components);
+      if (watch.points.size() != components || to.size() != components) continue;
+      for (std::size_t axis = 0; axis < components; ++axis)
+        if (!(to[axis] > watch.points[axis])) table.problem("to", "must lie beyond `from`");
+      watch.points.insert(watch.points.end(), to.begin(), to.end());
     } else if (table.has("obstacle")) {
       read_obstacle_watch(table, watch, result);
     } else if (table.has("exact_velocity")) {
@@ -69,7 +77,9 @@ void read_watches(SceneTable& root, const std::string& role, int dimension, Flui
     for (std::size_t n = 0; n + components <= watch.points.size() && grid.nx > 0; n += components) {
       const std::span<const double> point(&watch.points[n], components);
       if (inside(grid, point)) continue;
-      table.problem(watch.kind == WatchRequest::Kind::point ? "point" : "line",
+      table.problem(watch.kind == WatchRequest::Kind::point ? "point"
+                    : watch.kind == WatchRequest::Kind::box ? "from"
+                                                            : "line",
                     fmt::format("({}) lies outside of the fluid's domain", fmt::join(point, ", ")));
       break;
     }

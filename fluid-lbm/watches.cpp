@@ -163,6 +163,61 @@ void compare(const FluidScene& scene, const WatchRequest& watch, const Fields& f
                                  largest_exact > 0 ? std::sqrt(largest / largest_exact) : std::sqrt(largest));
 }
 
+// Means over the fluid nodes of a box, and the permeability by Darcy's law of the medium in it.
+void evaluate_box(const FluidScene& scene, const WatchRequest& watch, const Fields& fields,
+                  const Cells& cells, double time, WatchValues& values) {
+  const Units& units = scene.units;
+  const Grid& grid = cells.grid();
+  const auto components = static_cast<std::size_t>(grid.dimension());
+  const auto from = to_lattice(grid, watch.points.data());
+  const auto to = to_lattice(grid, watch.points.data() + components);
+  std::array<int, 3> low{}, high{};
+  double nodes = 1;
+  for (std::size_t axis = 0; axis < components; ++axis) {
+    const std::array<int, 3> counts{grid.nx, grid.ny, grid.layers()};
+    low[axis] = std::max(0, static_cast<int>(std::ceil(from[axis] - 1e-9)));
+    high[axis] = std::min(counts[axis] - 1, static_cast<int>(std::floor(to[axis] + 1e-9)));
+    nodes *= std::max(0, high[axis] - low[axis] + 1);
+  }
+  double fluid = 0, pressure = 0;
+  std::array<double, 3> velocity{}, place{}, square{}, mixed{};
+  for (int z = low[2]; z <= high[2]; ++z)
+    for (int y = low[1]; y <= high[1]; ++y)
+      for (int x = low[0]; x <= high[0]; ++x) {
+        if (!cells.fluid(x, y, z)) continue;
+        const std::size_t k = grid.index(x, y, z);
+        const std::array<double, 3> v{fields.velocity_x[k], fields.velocity_y[k],
+                                      grid.nz > 0 ? fields.velocity_z[k] : 0.0};
+        const std::array<double, 3> at{x - from[0], y - from[1], z - from[2]};
+        fluid += 1;
+        pressure += fields.excess[k];
+        for (std::size_t axis = 0; axis < 3; ++axis) {
+          velocity[axis] += v[axis];
+          place[axis] += at[axis];
+          square[axis] += at[axis] * at[axis];
+          mixed[axis] += at[axis] * fields.excess[k];
+        }
+      }
+  const double to_velocity = 1 / units.velocity_to_lattice();
+  const double to_pressure = D2Q9::sound_speed_squared * units.stress();
+  const auto drive = evaluate_body_force(scene, time);
+  values.quantities = {{"pressure", fluid > 0 ? pressure / fluid * to_pressure : 0},
+                       {"porosity", nodes > 0 ? fluid / nodes : 0}};
+  constexpr std::array<const char*, 3> names{"x", "y", "z"};
+  for (std::size_t axis = 0; axis < components; ++axis) {
+    // Of fluid and solid: what flows through, over the whole cross-section.
+    const double mean = nodes > 0 ? velocity[axis] / nodes * to_velocity : 0;
+    const double spread = fluid * square[axis] - place[axis] * place[axis];
+    const double slope = spread > 0 ? (fluid * mixed[axis] - place[axis] * pressure) / spread : 0;
+    const double gradient = slope * to_pressure / grid.spacing;
+    const double push = units.density * drive[axis] - gradient;
+    values.quantities.emplace_back(std::string("mean_velocity_") + names[axis], mean);
+    values.quantities.emplace_back(std::string("pressure_gradient_") + names[axis], gradient);
+    values.quantities.emplace_back(std::string("permeability_") + names[axis],
+                                   push != 0 ? units.viscosity * mean / push : 0);
+  }
+}
+
 void evaluate_integral(const FluidScene& scene, const Fields& fields, const Cells& cells,
                        const BodyLoad& force, WatchValues& values) {
   const Units& units = scene.units;
@@ -250,6 +305,9 @@ std::vector<WatchValues> evaluate_watches(const FluidScene& scene, const Fields&
         break;
       case WatchRequest::Kind::line:
         evaluate_line(scene, watch, fields, flow.cells(), values);
+        break;
+      case WatchRequest::Kind::box:
+        evaluate_box(scene, watch, fields, flow.cells(), time, values);
         break;
       case WatchRequest::Kind::obstacle:
         evaluate_obstacle(scene, watch, flow, values);

@@ -16,6 +16,11 @@ namespace estuary::fluid {
 ///           positive (0 when it does nowhere); minimum_velocity_x, maximum_velocity_x, ..._y and with _at
 ///           their distance along the line; in two dimensions flow_rate: volume per second and metre of
 ///           depth through the line, from its left to its right as walked [m2/s]
+/// box       over the fluid nodes in it: pressure (mean), porosity (share of fluid nodes), mean_velocity_x,
+/// ... (over
+///           fluid and solid), pressure_gradient_x, ... (least squares along each axis) [Pa/m],
+///           permeability_x, ... = viscosity times mean velocity over (body force - pressure gradient) [m2]
+///           (Darcy)
 /// obstacle  force_x, force_y, (force_z) [N, in two dimensions N/m], torque about the centre [N m, N]; with a
 ///           reference length L drag_coefficient and lift_coefficient: force_x and force_y over
 ///           rho U^2 L / 2, in three dimensions over rho U^2 / 2 times pi L^2 / 4

@@ -274,7 +274,9 @@ void read_fluid(SceneTable& grains, GrainsScene& result) {
   for (const GroupScene& group : result.groups)
     if (!group.held) lightest = std::min(lightest, group.density);
   const bool light = result.coupled_to_fluid && lightest < 1.2 * result.fluid.density;
-  result.fluid.virtual_mass = fluid->number_or("virtual_mass", light ? 2.0 : 0.0, {0, 100});
+  // Partially saturated cells carry the mass of the fluid inside along: the lightest need more.
+  const double enough = lightest < 0.5 * result.fluid.density ? 4.0 : 2.0;
+  result.fluid.virtual_mass = fluid->number_or("virtual_mass", light ? enough : 0.0, {0, 100});
 }
 
 void read_lubrication(SceneTable& grains, GrainsScene& result) {
@@ -338,6 +340,8 @@ void read_cement(SceneTable& grains, bool all_held, GrainsScene& result) {
     cement.saturation = table->number("saturation", {0, 0.99});
     cement.seed = table->integer_or("seed", 1, 0, 1'000'000'000);
   }
+  // Those of the models not chosen may stay, so that --set changes the model alone.
+  table->leave_to_others({"diameter_ratio", "distance_ratio", "thickness_ratio", "saturation", "seed"});
   cement.voxel = table->number("voxel", Range::positive());
   cement.from = table->has("from") ? table->numbers("from", result.axes()) : result.from;
   cement.to = table->has("to") ? table->numbers("to", result.axes()) : result.to;

@@ -74,12 +74,32 @@ void GranularMedium<D>::advance(double duration, std::uint64_t steps, const Step
     dynamics_->advance(duration, steps, monitor);
     return;
   }
+  // Acceleration by what acts from outside alone, in the scene's order.
+  const State<D>& state = dynamics_->state();
+  constexpr std::size_t s = spin_components<D>;
+  std::vector<double> outside(acceleration_.size()), outside_turning(turning_.size());
+  for (std::size_t i = 0; i < state.size(); ++i) {
+    const std::size_t k = state.identity[i];
+    for (std::size_t c = 0; c < D; ++c)
+      outside[D * k + c] = state.inverse_mass[i] * state.external_force[D * i + c];
+    for (std::size_t c = 0; c < s; ++c)
+      outside_turning[s * k + c] = state.inverse_inertia[i] * state.external_torque[s * i + c];
+  }
   gather_velocities(-1 / duration, acceleration_, turning_);
   dynamics_->advance(duration, steps, monitor);
   std::vector<double> velocity(acceleration_.size()), spin(turning_.size());
   gather_velocities(1 / duration, velocity, spin);
   for (std::size_t k = 0; k < velocity.size(); ++k) acceleration_[k] += velocity[k];
   for (std::size_t k = 0; k < spin.size(); ++k) turning_[k] += spin[k];
+  // A blow is over when the next window begins: going on with it would throw the grain back faster than it
+  // came.
+  constexpr double kBlow = 10;
+  for (std::size_t k = 0; k < mass_.size(); ++k) {
+    if (norm(grains::load<D>(acceleration_.data(), k)) <= kBlow * norm(grains::load<D>(outside.data(), k)))
+      continue;
+    store<D>(acceleration_.data(), k, grains::load<D>(outside.data(), k));
+    store<s>(turning_.data(), k, grains::load<s>(outside_turning.data(), k));
+  }
 }
 
 template <int D>

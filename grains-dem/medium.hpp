@@ -36,7 +36,8 @@ public:
   ///     (m + C m_f) a = F + C m_f a_old,
   /// a_old being its mean acceleration over the last window: the same equation as long as accelerations
   /// change little from one window to the next, and stable for any m when m_added < 2 C m_f + m. Source: the
-  /// idea of Schwarz, Kempe, Froehlich, J. Comput. Phys. 281 (2015).
+  /// idea of Schwarz, Kempe, Froehlich, J. Comput. Phys. 281 (2015). Where a_old is a blow (above ten times
+  /// what acts from outside) that outer part is taken instead.
   virtual void set_fluid_forces(std::span<const double> force, std::span<const double> torque) = 0;
   virtual void set_surface(std::span<const double> node_positions) = 0;
   /// Force on each node of the wet surface, mean over the last advance.

@@ -36,7 +36,7 @@ int main(int argc, char** argv) {
   InitialGrains<2> grains = bench::incline_grains(10000, 158);
   if (what == "settle") {
     Dynamics<2> dynamics(bench::incline_settings(158, RollingLaw::none, 0.1), grains, {});
-    dynamics.advance(10, 100000);
+    dynamics.advance(6, 60000);
     const auto& state = dynamics.state();
     for (std::size_t i = 0; i < state.size(); ++i) {
       const std::size_t k = state.identity[i];

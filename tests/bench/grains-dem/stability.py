@@ -66,7 +66,7 @@ from = [0.0, 0.0]
 to = [0.2, 0.1]
 radius = 0.012
 [[grains.group]]
-count = 600
+count = {count}
 from = [0.0, 0.1]
 to = [0.2, 0.2]
 radius = {small}
@@ -133,25 +133,26 @@ def cases():
         yield ("steps per contact, 300 elastic discs", steps, dry(steps=steps, restitution=1, friction=0), [], 0.02, None)
     for stiffness in (1e3, 1e4, 1e5, 1e6, 1e7, 1e8, 1e9):
         end = 0.1 if stiffness < 1e8 else 0.01
-        yield ("stiffness [N/m], 300 discs", stiffness, dry(stiffness=stiffness, end=end, window=end / 10), [], 0.02, None)
+        yield ("stiffness [N/m], 300 discs", stiffness, dry(stiffness=stiffness, end=end, window=end / 10,
+                                                             groups=GAS.replace("0.5", "0.1")), [], 0.02, None)
     for steps in (50, 20, 10, 5, 4, 3, 2):
         yield ("half a diameter of overlap, 400 discs, steps per contact", steps,
                dry(steps=steps, groups=OVERLAP, end=0.02, window=0.002), [], 0.05, None)
-    for ratio in (1, 5, 10, 20):
-        yield ("sizes 1:N under gravity", ratio, dry(groups=SIZES.format(small=0.012 / ratio if ratio > 4 else 0.003),
+    for ratio, count in ((2, 60), (5, 300), (10, 600), (20, 600)):
+        yield ("sizes 1:N under gravity", ratio, dry(groups=SIZES.format(small=0.012 / ratio, count=count),
                                                      gravity=-9.81), [], 0.02, None)
     disc = ROOT / "configs/grains/settling-disc.toml"
-    coarse = ["fluid.spacing=3.125e-4", "fluid.time_step=2e-4", "coupling.window=2e-4", "coupling.end_time=0.2"]
+    coarse = ["fluid.spacing=3.125e-4", "fluid.time_step=2e-4", "coupling.window=2e-4", "coupling.end_time=0.12"]
     for mass in ("default", "0"):
         for density in (10, 50, 100, 500, 900, 1010, 1250, 2000, 10000):
             extra = [] if mass == "default" else ["grains.fluid.virtual_mass=0"]
             yield (f"density of a disc in water [kg/m3], virtual mass {mass}", density, disc,
                    coarse + [f"grains.density={density}"] + extra, None, 1.0)
     for tau in (0.6, 0.53, 0.51, 0.505, 0.502, 0.501):
-        step = (tau - 0.5) / 3 * 4e-5 ** 2 / 1e-6
+        step = float(f"{(tau - 0.5) / 3 * 4e-5 ** 2 / 1e-6:.6g}")
         for density in (2600, 1100):
             yield (f"dense bed of {density} kg/m3, relaxation time", tau,
-                   BED.format(step=f"{step:.6g}", end=f"{400 * step:.6g}", density=density), [], None, 1.0)
+                   BED.format(step=step, end=3000 * step, density=density), [], None, 1.0)
 
 
 def run(build, scene, options, folder):

@@ -271,12 +271,18 @@ TEST_F(Running, SteadyFlowIsFoundAndStaysFound) {
       "[[watch]]\nname = \"p\"\nparticipant = \"fluid\"\npoint = [0.6, 0.2]\n"
       "[[watch]]\nname = \"all\"\nparticipant = \"fluid\"\n"
       "[[watch]]\nname = \"cut\"\nparticipant = \"fluid\"\nline = [[0.6, 0.0], [0.6, 0.4]]\n"
+      "[[watch]]\nname = \"box\"\nparticipant = \"fluid\"\nfrom = [0.4, 0.0]\nto = [0.8, 0.4]\n"
       "[[watch]]\nname = \"other\"\nparticipant = \"solid\"\npoint = [99.0, 0.1]\n";
   auto fluid = start(channel_scene(steady, watches));
   const Window window{1, 1, Mode::steady, 0, 0};
   const auto result = fluid->advance(window, {}, board_);
   EXPECT_LT(result.remaining_error, 1e-6);
-  ASSERT_EQ(result.watches.size(), 3u);
+  ASSERT_EQ(result.watches.size(), 4u);
+  const auto& box = result.watches[3].quantities;
+  ASSERT_EQ(box[4].first, "permeability_x");
+  EXPECT_EQ(box[1].second, 1.0);                             // porosity
+  EXPECT_NEAR(box[3].second, -12 * 0.05 / 0.16, 0.02);       // pressure gradient
+  EXPECT_NEAR(box[4].second, 0.16 / 12, 0.005 * 0.16 / 12);  // H^2 / 12 between plates
   const auto& point = result.watches[0].quantities;
   // Between the nodes at y = 0.19 and 0.21, where the parabola is 1.49625.
   EXPECT_NEAR(point[0].second, 1.49625, 2e-4);

@@ -15,7 +15,8 @@ constexpr double kWindow = 1e-4;
 
 // Velocity after `windows` windows of a disc under weight, buoyancy, linear drag and the added mass of one
 // displaced mass. `density` is in fluid densities.
-double velocity(double density, const std::string& virtual_mass, int windows, double drag) {
+double velocity(double density, const std::string& virtual_mass, int windows, double drag,
+                const std::string& more = "", double* fastest = nullptr) {
   const std::string text = R"(
 dimension = 2
 [coupling]
@@ -36,7 +37,7 @@ density = 1000
 [[grains.group]]
 positions = [[0.0, 0.0]]
 radius = 0.001
-)";
+)" + more;
   Scene scene = Scene::parse(text, "scene.toml");
   Grains grains;
   grains.configure(scene, "grains");
@@ -63,6 +64,7 @@ radius = 0.001
     grains.accept();
     before = now;
     now = states.grain_states().velocity(1);
+    if (fastest) *fastest = std::max(*fastest, std::abs(now));
   }
   std::filesystem::remove_all(folder);
   return now;
@@ -80,6 +82,20 @@ TEST(LightGrain, FollowsItsEquationOfMotion) {
           << density << ' ' << windows;
     }
     EXPECT_NEAR(velocity(density, "", 2000, drag), last, 1e-6 * std::abs(last)) << density;
+  }
+}
+
+TEST(LightGrain, IsNotThrownBackFasterThanItCame) {
+  // Rises against a lid and comes to rest there.
+  for (const double density : {0.1, 0.5, 0.9}) {
+    const double displaced = 1000 * std::numbers::pi * 1e-6, drag = 1.0;
+    const double last = (1 - density) * displaced * 10 / drag;
+    double fastest = 0;
+    const double end =
+        velocity(density, "", 6000, drag,
+                 "[[grains.wall]]\nname = \"lid\"\npoint = [0, 0.0015]\nnormal = [0, -1]\n", &fastest);
+    EXPECT_LT(fastest, 1.02 * last) << density;
+    EXPECT_NEAR(end, 0, 0.02 * last) << density;
   }
 }
 
