@@ -1,6 +1,9 @@
 #include "convergence.hpp"
 
+#include <fmt/format.h>
+
 #include <algorithm>
+#include <array>
 #include <limits>
 
 namespace estuary::coupler {
@@ -11,8 +14,9 @@ constexpr double absurd_displacement = 1e3;
 // An increment that grew this much over the window's first few belongs to a diverging iteration.
 constexpr double diverging_growth = 1e6;
 constexpr std::uint64_t early_iterations = 3;
-// Velocities below this share of the largest so far need no relative accuracy: the surface is turning round.
-constexpr double slow_velocity = 1e-2;
+// Velocities and forces below this share of the largest so far need no relative accuracy: the surface is
+// turning round, the load changes its sign or dies away.
+constexpr double small_share = 1e-2;
 // Displacements below this share of the surface's size count as zero: nothing moves, and that is converged.
 constexpr double zero_displacement = 1e-14;
 // This many iterations in a row without any gain is a stall.
@@ -48,26 +52,44 @@ double Convergence::relative(Field field) const {
     }
     case Field::velocity: {
       const double floor =
-          std::max(slow_velocity * largest_velocity_, zero_displacement * scale_ / std::max(window_, 1e-300));
+          std::max(small_share * largest_velocity_, zero_displacement * scale_ / std::max(window_, 1e-300));
       return norm.increment / std::max(norm.size, floor);
     }
     case Field::force:
       break;
   }
-  return norm.size > 0 ? norm.increment / norm.size : 1.0;
+  const double size = std::max(norm.size, small_share * largest_force_);
+  return size > 0 ? norm.increment / size : 1.0;
 }
 
-bool Convergence::holds(const Measure& measure) const {
+double Convergence::value_of(const Measure& measure) const {
   const Norm& norm = of(measure.field);
   switch (measure.kind) {
     case MeasureKind::relative:
       break;
     case MeasureKind::absolute:
-      return norm.increment < measure.limit;
+      return norm.increment;
     case MeasureKind::residual_relative:
-      return norm.increment <= measure.limit * norm.first_increment;
+      return norm.first_increment > 0 ? norm.increment / norm.first_increment : 0.0;
   }
-  return relative(measure.field) < measure.limit;
+  return relative(measure.field);
+}
+
+std::string Convergence::furthest() const {
+  const Measure* worst = nullptr;
+  double most = -1;
+  for (const Measure& measure : measures_) {
+    const double share = value_of(measure) / measure.limit;
+    if (!(share > most)) continue;
+    most = share;
+    worst = &measure;
+  }
+  if (worst == nullptr) return "nothing is measured";
+  constexpr std::array<const char*, 3> fields = {"displacement", "velocity", "forces"};
+  constexpr std::array<const char*, 3> kinds = {"relative", "absolute", "residual-relative"};
+  return fmt::format("{} increment of the {} {:.1e}, limit {:g}",
+                     kinds[static_cast<std::size_t>(worst->kind)],
+                     fields[static_cast<std::size_t>(worst->field)], value_of(*worst), worst->limit);
 }
 
 bool Convergence::grows(const IterationNorms& norms) const {
@@ -91,7 +113,10 @@ Verdict Convergence::judge(const IterationNorms& norms, std::uint64_t iteration)
     early_increment_ = std::max(early_increment_, norms.displacement_increment);
   if (grows(norms)) return Verdict::diverged;
   if (iteration >= least_iterations_ &&
-      std::all_of(measures_.begin(), measures_.end(), [this](const Measure& m) { return holds(m); })) {
+      std::all_of(measures_.begin(), measures_.end(), [this](const Measure& m) {
+        // An iteration without any change is at its end, whatever it is compared with.
+        return value_of(m) < m.limit || of(m.field).increment == 0;
+      })) {
     return Verdict::converged;
   }
   const auto gains = [](double increment, double& best) {
@@ -114,6 +139,7 @@ bool Convergence::runs_away(const IterationNorms& norms) {
 
 void Convergence::accept(const IterationNorms& norms) {
   largest_velocity_ = std::max(largest_velocity_, norms.velocity);
+  largest_force_ = std::max(largest_force_, norms.force);
 }
 
 }  // namespace estuary::coupler

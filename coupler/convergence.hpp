@@ -2,6 +2,7 @@
 #pragma once
 
 #include <optional>
+#include <string>
 #include <vector>
 
 #include "coupling_scene.hpp"
@@ -38,6 +39,9 @@ public:
   /// Relative increment of a field at the last iteration: |i| / |H(x)|. Zero when nothing moves; never
   /// divides by zero.
   [[nodiscard]] double relative(Field field) const;
+  /// The measure that is furthest from its limit at the last iteration, for people: "relative increment of
+  /// the velocity 1.3e-03, limit 1e-05".
+  [[nodiscard]] std::string furthest() const;
 
 private:
   struct Norm {
@@ -46,7 +50,8 @@ private:
     double first_increment = 0;
   };
   [[nodiscard]] const Norm& of(Field field) const { return fields_[static_cast<std::size_t>(field)]; }
-  [[nodiscard]] bool holds(const Measure& measure) const;
+  // What the measure holds against its limit; below the limit when it holds.
+  [[nodiscard]] double value_of(const Measure& measure) const;
   [[nodiscard]] bool grows(const IterationNorms& norms) const;
 
   std::vector<Measure> measures_;
@@ -57,6 +62,7 @@ private:
   std::uint64_t judged_ = 0;    // iterations since begin_window
   double early_increment_ = 0;  // largest of the displacement in the first of them
   double largest_velocity_ = 0;
+  double largest_force_ = 0;
   double last_mismatch_ = 0;  // of the velocity, in explicit schemes
   int mismatches_ = 0;        // growing, in a row
   // Smallest increments in this window, and the last iteration that had one.

@@ -102,12 +102,11 @@ void CouplingLoop::compute_window() {
       const bool agreed = iterate_window(x);
       used_up = !agreed && !once() && scene_.at_maximum == AtMaximum::fail;
       if (used_up) {
-        throw RunFailure(
-            ExitStatus::no_solution,
-            fmt::format("the coupling did not converge: window {}, {} iterations, residual of the "
-                        "displacement {:.3e}",
-                        position_.window, position_.iteration, convergence_->relative(Field::displacement)),
-            "raise coupling.max_iterations, or try another coupling.relaxation or acceleration", true);
+        throw RunFailure(ExitStatus::no_solution,
+                         fmt::format("the coupling did not converge: window {}, {} iterations, {}",
+                                     position_.window, position_.iteration, convergence_->furthest()),
+                         "raise coupling.max_iterations, or try another coupling.relaxation or acceleration",
+                         true);
       }
       accept_window(once() ? "explicit" : agreed ? "converged" : "not converged", seconds_since(begin));
       return;
@@ -182,14 +181,12 @@ bool CouplingLoop::iterate_window(InterfaceState& x) {
           true);
     }
     if (verdict_ == Verdict::stalled) {
-      throw RunFailure(
-          ExitStatus::no_solution,
-          fmt::format("the coupling stalled: window {}, iteration {}, residual of the displacement "
-                      "{:.3e} no longer shrinks",
-                      position_.window, position_.iteration, residual),
-          "one of the participants may not answer smoothly: a finer fluid or a tighter steady "
-          "tolerance helps; or raise coupling.tolerance",
-          true);
+      throw RunFailure(ExitStatus::no_solution,
+                       fmt::format("the coupling stalled: window {}, iteration {}, {}, no longer shrinks",
+                                   position_.window, position_.iteration, convergence_->furthest()),
+                       "one of the participants may not answer smoothly: a finer fluid or a tighter steady "
+                       "tolerance helps; or raise coupling.tolerance",
+                       true);
     }
     if (steady() && position_.iteration < limit) frames_if_due(position_.iteration, time_of_window());
   }

@@ -33,7 +33,8 @@ std::uint64_t WindowClock::length() const {
 
 double WindowClock::time_of(std::uint64_t ticks) const {
   const std::uint64_t part = ticks % full_;
-  const double whole = static_cast<double>(ticks / full_) * window_;
+  const std::uint64_t windows = ticks / full_;
+  const double whole = static_cast<double>(windows) * window_;
   return part == 0 ? whole : whole + window_ * (static_cast<double>(part) / static_cast<double>(full_));
 }
 

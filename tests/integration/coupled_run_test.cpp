@@ -297,11 +297,9 @@ TEST_P(Killed, EndsTheRunWithinTwoSecondsAndLeavesNothingBehind) {
       write_scene("pressure = 3.0\nslope = 0.5\nseconds = 30", "stiffness = 1.0", "mode = \"steady\"");
   const auto out = folder_ / "out";
   ChildProcess run({coupler, "run", scene.string(), "--out", out.string()}, folder_ / "coupler.txt");
-  // Until the fluid computes its first iteration.
-  const auto ready = [&] {
-    return read(out / "log" / "coupler.log").find("solid: linear-participant") != std::string::npos;
-  };
-  for (int i = 0; i < 500 && !ready(); ++i) std::this_thread::sleep_for(std::chrono::milliseconds(10));
+  // Until the fluid computes its first iteration, which it does once the solid has written its first frame.
+  const auto ready = [&] { return std::filesystem::exists(out / "solid" / "solid-000000.hdf"); };
+  for (int i = 0; i < 3000 && !ready(); ++i) std::this_thread::sleep_for(std::chrono::milliseconds(10));
   std::this_thread::sleep_for(std::chrono::milliseconds(300));
   pid_t target = run.process();
   if (victim != "coupler") {

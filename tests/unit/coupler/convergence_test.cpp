@@ -119,5 +119,26 @@ TEST(Convergence, AnExplicitSchemeRunsAwayWhenItsMismatchGrowsBeyondTheMotion) {
   EXPECT_EQ(windows_until([](int k) { return std::pow(-0.9, k); }, 100), 0);
 }
 
+TEST(Convergence, SaysWhichMeasureIsFurthestFromItsLimit) {
+  auto convergence = started(scene_with({{Field::displacement, MeasureKind::relative, 1e-4},
+                                         {Field::velocity, MeasureKind::relative, 1e-3},
+                                         {Field::force, MeasureKind::absolute, 5.0}}));
+  (void)convergence.judge({.displacement_increment = 2e-4,
+                           .displacement = 1.0,
+                           .velocity_increment = 0.5,
+                           .velocity = 1.0,
+                           .force_increment = 6.0,
+                           .force = 1.0},
+                          1);
+  EXPECT_EQ(convergence.furthest(), "relative increment of the velocity 5.0e-01, limit 0.001");
+}
+
+TEST(Convergence, ForcesThatDieAwayNeedNoRelativeAccuracy) {
+  auto convergence = started(scene_with({{Field::force, MeasureKind::relative, 1e-3}}));
+  convergence.accept({.force = 100.0});
+  EXPECT_EQ(convergence.judge({.force_increment = 5e-4, .force = 1e-6}, 1), Verdict::converged);
+  EXPECT_EQ(convergence.judge({.force_increment = 5e-3, .force = 1e-6}, 2), Verdict::go_on);
+}
+
 }  // namespace
 }  // namespace estuary::coupler
