@@ -71,6 +71,38 @@ void warn_between_bodies(const FluidScene& scene, Plan& plan) {
                   smallest));
 }
 
+// Distance of a point from a segment, in the units of both.
+double distance(const double* point, const double* a, const double* b) {
+  const std::array<double, 2> along{b[0] - a[0], b[1] - a[1]};
+  const double length = along[0] * along[0] + along[1] * along[1];
+  const double t =
+      ((point[0] - a[0]) * along[0] + (point[1] - a[1]) * along[1]) / (length > 0 ? length : 1.0);
+  const double at = std::clamp(t, 0.0, 1.0);
+  return std::hypot(a[0] + at * along[0] - point[0], a[1] + at * along[1] - point[1]);
+}
+
+void warn_between_outlines(const FluidScene& scene, Plan& plan) {
+  const auto& positions = scene.obstacle_positions;
+  const auto& segments = scene.obstacle_connectivity;
+  constexpr std::size_t too_many = 4000;  // every point is compared with every segment
+  if (scene.obstacle_of_point.size() > too_many) return;
+  double smallest = narrow;
+  for (std::size_t point = 0; point < scene.obstacle_of_point.size(); ++point) {
+    for (std::size_t k = 0; k + 1 < segments.size(); k += 2) {
+      if (scene.obstacle_of_point[segments[k]] == scene.obstacle_of_point[point]) continue;
+      const double gap = distance(&positions[2 * point], &positions[2 * std::size_t{segments[k]}],
+                                  &positions[2 * std::size_t{segments[k + 1]}]) /
+                         scene.flow.grid.spacing;
+      if (gap > 0.01) smallest = std::min(smallest, gap);
+    }
+  }
+  if (smallest == narrow) return;
+  plan.warnings.push_back(
+      fmt::format("the narrowest gap between polygons or boxes is {:.2g} spacings wide: below 3 "
+                  "the flow through it is inaccurate",
+                  smallest));
+}
+
 // Runs of fluid nodes between two solid ones, along every axis.
 void warn_in_images(const FluidScene& scene, Plan& plan) {
   if (scene.solid_nodes.empty()) return;
@@ -114,6 +146,7 @@ void warn_in_images(const FluidScene& scene, Plan& plan) {
 void warn_of_narrow_gaps(const FluidScene& scene, Plan& plan) {
   if (scene.flow.grid.nx == 0) return;  // a problem was noted
   warn_between_bodies(scene, plan);
+  warn_between_outlines(scene, plan);
   warn_in_images(scene, plan);
 }
 

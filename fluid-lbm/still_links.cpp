@@ -14,7 +14,9 @@ void StillLinks::add(Node node, int i, std::uint32_t body, const std::array<doub
                      const Populations& layout) {
   const bool space = layout.nz() > 0;
   reach_ = space ? layout.ny() + 1 : 1;
-  const auto row = static_cast<std::size_t>(node.y + (space ? layout.ny() * node.z : 0));
+  const auto layers_below = static_cast<std::size_t>(space ? node.z : 0);
+  const std::size_t row =
+      static_cast<std::size_t>(layout.ny()) * layers_below + static_cast<std::size_t>(node.y);
   while (first_of_row_.size() <= row) first_of_row_.push_back(links_.size());
   const std::ptrdiff_t here = layout.node(node.x, node.y, node.z);
   links_.push_back(

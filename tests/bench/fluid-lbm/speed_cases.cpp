@@ -220,6 +220,7 @@ std::vector<Ratio> ratios() {
       {"D3Q19 cavity 128^3, single precision", "D3Q19 cavity 128^3", "single over double precision, D3Q19"},
       {"porous 1000 x 1000, discs of radius 12", "channel 1000 x 1000",
        "a fluid node among discs over one of the open channel"},
+      {"porous 300 x 300, in cache, discs of radius 12", "channel 300 x 300, in cache", "the same, in cache"},
       {"porous 1000 x 1000, discs of radius 4", "channel 1000 x 1000", "the same, discs of radius 4"},
       {"D3Q19 porous 128^3, spheres of radius 12", "D3Q19 cavity 128^3", "the same in space"},
       {"channel 1000 x 200", "channel 1000 x 200, no rules but its own",

@@ -144,9 +144,9 @@ TEST(Configure, WarnsOfNarrowGaps) {
               testing::Not(testing::Contains(HasSubstr("between discs"))));
   const std::string box = "[[fluid.obstacle]]\nbox = [[0.3,0.1],[0.4,0.2]]\n[[fluid.obstacle]]\nbox = ";
   EXPECT_THAT(warnings_of(box + "[[0.44,0.1],[0.5,0.2]]\n"),
-              testing::Contains(HasSubstr("% of the passages between solid nodes")));
+              testing::Contains(HasSubstr("gap between polygons or boxes is 2 spacings")));
   EXPECT_THAT(warnings_of(box + "[[0.52,0.1],[0.6,0.2]]\n"),
-              testing::Not(testing::Contains(HasSubstr("passages between solid nodes"))));
+              testing::Not(testing::Contains(HasSubstr("between polygons"))));
 }
 
 TEST(Configure, WarnsWhenRoundingMayKeepAFlowFromBeingSteady) {
