@@ -274,8 +274,10 @@ void read_fluid(SceneTable& grains, GrainsScene& result) {
   for (const GroupScene& group : result.groups)
     if (!group.held) lightest = std::min(lightest, group.density);
   const bool light = result.coupled_to_fluid && lightest < 1.2 * result.fluid.density;
-  // Partially saturated cells carry the mass of the fluid inside along: the lightest need more.
-  const double enough = lightest < 0.5 * result.fluid.density ? 4.0 : 2.0;
+  // Partially saturated cells carry the mass of the fluid inside along: the lightest need more. No more than
+  // is needed: with stiff springs (contacts, fluid closed in between grains) the delay of C m_f feeds
+  // vibrations.
+  const double enough = lightest < 0.5 * result.fluid.density ? 4.0 : 1.0;
   result.fluid.virtual_mass = fluid->number_or("virtual_mass", light ? enough : 0.0, {0, 100});
 }
 

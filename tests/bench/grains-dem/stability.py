@@ -147,12 +147,12 @@ def cases():
         for density in (10, 50, 100, 500, 900, 1010, 1250, 2000, 10000):
             extra = [] if mass == "default" else ["grains.fluid.virtual_mass=0"]
             yield (f"density of a disc in water [kg/m3], virtual mass {mass}", density, disc,
-                   coarse + [f"grains.density={density}"] + extra, None, 1.0)
+                   coarse + [f"grains.density={density}"] + extra, None, 0.5)
     for tau in (0.6, 0.53, 0.51, 0.505, 0.502, 0.501):
         step = float(f"{(tau - 0.5) / 3 * 4e-5 ** 2 / 1e-6:.6g}")
         for density in (2600, 1100):
             yield (f"dense bed of {density} kg/m3, relaxation time", tau,
-                   BED.format(step=step, end=3000 * step, density=density), [], None, 1.0)
+                   BED.format(step=step, end=3000 * step, density=density), [], None, 0.1)
 
 
 def run(build, scene, options, folder):
