@@ -210,7 +210,7 @@ void evaluate_box(const FluidScene& scene, const WatchRequest& watch, const Fiel
     const double spread = fluid * square[axis] - place[axis] * place[axis];
     const double slope = spread > 0 ? (fluid * mixed[axis] - place[axis] * pressure) / spread : 0;
     const double gradient = slope * to_pressure / grid.spacing;
-    const double push = units.density * drive[axis] - gradient;
+    const double push = units.density * drive[axis] / units.acceleration_to_lattice() - gradient;
     values.quantities.emplace_back(std::string("mean_velocity_") + names[axis], mean);
     values.quantities.emplace_back(std::string("pressure_gradient_") + names[axis], gradient);
     values.quantities.emplace_back(std::string("permeability_") + names[axis],
