@@ -133,6 +133,7 @@ ShellSolver::ShellSolver(const Body& body, std::vector<ShellSection> sections)
       inertia_[i] += 0.5 * links_[l].length * section.density * std::pow(section.thickness, 3) / 12;
     }
     fibre_angle_[i] = std::atan2(t[0], -t[1]);
+    rest_fibre_.push_back(normal_of(fibre_angle_[i]));
   }
   for (Link& link : links_) {
     const Vector na = normal_of(fibre_angle_[link.a]), nb = normal_of(fibre_angle_[link.b]);
@@ -140,22 +141,21 @@ ShellSolver::ShellSolver(const Body& body, std::vector<ShellSection> sections)
     link.curvature_rest = (inner(link.tangent, nb) - inner(link.tangent, na)) / link.length;
   }
   at_.resize(links_.size());
+  fibre_ = rest_fibre_;
   history_.assign(2 * n, 0.0);
   rest_history_ = history_;
-}
-
-Vector ShellSolver::fibre(std::size_t i) const {
-  return normal_of(fibre_angle_[i] + history_[2 * i]);
 }
 
 std::int64_t ShellSolver::evaluate(std::span<const double> displacement) {
   const std::size_t count = links_.size(), n = body_.size();
 #pragma omp parallel for schedule(static) if (n > kSerialBelow)
+  for (std::size_t i = 0; i < n; ++i) fibre_[i] = normal_of(fibre_angle_[i] + history_[2 * i]);
+#pragma omp parallel for schedule(static) if (n > kSerialBelow)
   for (std::size_t l = 0; l < count; ++l) {
     const Link& link = links_[l];
     LinkState& now = at_[l];
     Vector x{}, mean{}, slope{};
-    const Vector na = fibre(link.a), nb = fibre(link.b);
+    const Vector &na = fibre_[link.a], &nb = fibre_[link.b];
     for (std::size_t c = 0; c < 2; ++c) {
       x[c] = link.tangent[c] + (displacement[2 * link.b + c] - displacement[2 * link.a + c]) / link.length;
       mean[c] = 0.5 * (na[c] + nb[c]);
@@ -177,7 +177,7 @@ std::int64_t ShellSolver::evaluate(std::span<const double> displacement) {
   std::int64_t bad = 0;
 #pragma omp parallel for schedule(static) reduction(+ : bad) if (n > kSerialBelow)
   for (std::size_t i = 0; i < n; ++i) {
-    const Vector normal = fibre(i), across{-normal[1], normal[0]};  // and its derivative by the angle
+    const Vector normal = fibre_[i], across{-normal[1], normal[0]};  // and its derivative by the angle
     Vector force{};
     double moment = 0;
     if (after_[i] != kNone) {
@@ -194,7 +194,7 @@ std::int64_t ShellSolver::evaluate(std::span<const double> displacement) {
     fields_.force[2 * i + 1] = force[1];
     moment_[i] = moment;
     // The mid-line's direction and the fibre, from the reference's.
-    const Vector rest = normal_of(fibre_angle_[i]);
+    const Vector rest = rest_fibre_[i];
     Vector x{};
     double links = 0;
     for (const std::uint32_t l : {before_[i], after_[i]}) {
@@ -232,7 +232,7 @@ std::array<double, 16> ShellSolver::tangent_at(std::size_t i) const {
 
 Tensor<double> ShellSolver::first_piola_kirchhoff_at(std::size_t i) const {
   const double h = sections_[body_.member[i]].thickness;
-  const Vector rest = normal_of(fibre_angle_[i]);
+  const Vector rest = rest_fibre_[i];
   Vector stress{};
   double links = 0;
   for (const std::uint32_t l : {before_[i], after_[i]}) {
@@ -357,10 +357,13 @@ void ShellSolver::advance(State& state, const Loading& loading, double duration,
     add_loads(loading, external, time);
     state.external_work += external.work();
     kick(true);
-    state.history = history_;
-    if (damping > 0) state.viscous_work += 2 * dt * damping * kinetic_energy(state);
+    if (damping > 0) {
+      state.history = history_;
+      state.viscous_work += 2 * dt * damping * kinetic_energy(state);
+    }
     if (step % 128 == 0) monitor(fraction, "shell");
   }
+  state.history = history_;
   state.time = start + duration;
   state.external_work += gravity_work();
 }

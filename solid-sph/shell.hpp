@@ -83,7 +83,6 @@ private:
     std::array<double, 2> force, shear, bending;  // N x' + T n + M n', T x', M x'
     double normal_force, shear_force, moment, stretch, energy;
   };
-  [[nodiscard]] std::array<double, 2> fibre(std::size_t i) const;
   void add_loads(const Loading& loading, const ExternalForces& external, double time);
 
   std::vector<ShellSection> sections_;
@@ -92,7 +91,8 @@ private:
   std::vector<std::uint32_t> before_, after_;  // links that end and begin at a particle
   std::vector<double> fibre_angle_;            // of the reference fibres [rad]
   std::vector<double> inertia_;                // rotary [kg m2/m]
-  std::vector<double> moment_;                 // on every particle [N m/m]
+  std::vector<std::array<double, 2>> rest_fibre_, fibre_;
+  std::vector<double> moment_;  // on every particle [N m/m]
 };
 
 }  // namespace estuary::solid

@@ -106,8 +106,8 @@ struct SolidScene {
   std::vector<BodyScene> bodies;
   double spacing = 0;  // [m]
   Placement placement = Placement::on_contour;
-  bool updated_lagrangian = false;
   int stress_points = 0;  // per cell of four particles
+  bool updated_lagrangian = false;
   Clamp clamp = Clamp::line;
   bool periodic = false;
   LawName law = LawName::saint_venant_kirchhoff;
