@@ -108,8 +108,9 @@ struct SolidScene {
   Placement placement = Placement::on_contour;
   int stress_points = 0;  // per cell of four particles
   bool updated_lagrangian = false;
-  Clamp clamp = Clamp::line;
   bool periodic = false;
+  bool contact = false;
+  Clamp clamp = Clamp::line;
   LawName law = LawName::saint_venant_kirchhoff;
   Plane plane = Plane::strain;
   Order order = Order::linear;
@@ -118,9 +119,8 @@ struct SolidScene {
   double stabilisation = 0;
   double conservative_smoothing = 0;  // alpha
   double hourglass_viscosity = 0;     // relaxation time in transits of a spacing, where plastic
-  bool contact = false;
-  double contact_stiffness = 1;  // pressure per depth in spacings, in wave moduli
-  double contact_modulus = 0;    // the same between rigid bodies [Pa]
+  double contact_stiffness = 1;       // pressure per depth in spacings, in wave moduli
+  double contact_modulus = 0;         // the same between rigid bodies [Pa]
   double viscosity_linear = 0;
   double viscosity_quadratic = 0;
   double courant = 0.8;
