@@ -120,8 +120,8 @@ void set_equilibrium(Populations& p, const Fields& fields, EquilibriumModel mode
 FieldSums sum_fields(const Fields& fields, const Cells& cells, const Sides& sides) {
   const Grid& grid = cells.grid();
   const auto share = [&](int at, int count, int axis) {
-    const bool half = (at == 0 && is_open(sides[static_cast<std::size_t>(2 * axis)].kind)) ||
-                      (at == count - 1 && is_open(sides[static_cast<std::size_t>(2 * axis + 1)].kind));
+    const bool half = (at == 0 && is_open(sides[2 * static_cast<std::size_t>(axis)].kind)) ||
+                      (at == count - 1 && is_open(sides[2 * static_cast<std::size_t>(axis) + 1].kind));
     return half ? 0.5 : 1.0;
   };
   return over_rows<FieldSums>(

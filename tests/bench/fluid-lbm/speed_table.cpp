@@ -67,7 +67,7 @@ void measure(Row& row, double seconds, int threads) {
   row.samples.push_back({updates / elapsed, updates * threads / processor});
 }
 
-Row row_of(std::string name, std::shared_ptr<speed::Case> flow) {
+Row row_of(std::string name, const std::shared_ptr<speed::Case>& flow) {
   Row row;
   row.name = std::move(name);
   row.bytes = flow->flow.bytes_per_update();
@@ -88,8 +88,9 @@ Row bandwidth_row() {
   row.updates = static_cast<double>(size);
   row.step = [array] {
     double* const values = array->data();
+    const auto count = static_cast<std::ptrdiff_t>(array->size());
 #pragma omp parallel for simd schedule(static)
-    for (std::ptrdiff_t n = 0; n < size; ++n) values[n] = 0.5 * values[n] + 0.5;
+    for (std::ptrdiff_t n = 0; n < count; ++n) values[n] = 0.5 * values[n] + 0.5;
   };
   return row;
 }
