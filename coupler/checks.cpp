@@ -12,6 +12,8 @@
 namespace estuary::coupler {
 namespace {
 
+// A turn of the values counts when they go back by this share of the last swing.
+constexpr double smallest_turn = 0.25;
 constexpr double missing = std::numeric_limits<double>::quiet_NaN();
 
 double statistic_of(const WatchSeries& series, const std::string& statistic, const WatchScene& watch) {
@@ -67,22 +69,49 @@ double value_of(const std::string& quantity, const CouplingScene& scene, const R
 double frequency_of(const WatchSeries& series, double from_time) {
   const auto first = static_cast<std::size_t>(
       std::lower_bound(series.time.begin(), series.time.end(), from_time) - series.time.begin());
-  const auto begin = series.value.begin() + static_cast<std::ptrdiff_t>(first);
-  if (begin == series.value.end()) return missing;
-  const auto [low, high] = std::minmax_element(begin, series.value.end());
-  const double middle = 0.5 * (*low + *high);
-  const double lowest_quarter = *low + 0.25 * (*high - *low);
-  bool armed = false;
+  const std::size_t count = series.value.size();
+  if (first >= count) return missing;
+  const auto& value = series.value;
+  const auto [low, high] =
+      std::minmax_element(value.begin() + static_cast<std::ptrdiff_t>(first), value.end());
+  double swing = *high - *low;  // the last one, from extreme to extreme
+  const auto time_of_rise = [&](std::size_t trough, std::size_t peak) {
+    const double middle = 0.5 * (value[trough] + value[peak]);
+    std::size_t n = trough + 1;
+    while (value[n] < middle) ++n;
+    const double part = (middle - value[n - 1]) / (value[n] - value[n - 1]);
+    return series.time[n - 1] + part * (series.time[n] - series.time[n - 1]);
+  };
+  std::size_t extreme = first;  // the highest value while it rises, the lowest while it falls
+  std::size_t trough = first;   // the lowest of the last fall
+  int direction = 0;            // unknown until the first quarter of a swing
+  std::size_t turn = first;     // the last extreme of either kind
+  bool turned = false;
+  bool fell = false;
   double first_rise = 0;
   double last_rise = 0;
   int rises = 0;
-  for (std::size_t n = first + 1; n < series.value.size(); ++n) {
-    armed = armed || series.value[n - 1] < lowest_quarter;
-    if (!armed || !(series.value[n - 1] < middle && series.value[n] >= middle)) continue;
-    armed = false;
-    const double part = (middle - series.value[n - 1]) / (series.value[n] - series.value[n - 1]);
-    last_rise = series.time[n - 1] + part * (series.time[n] - series.time[n - 1]);
-    if (rises++ == 0) first_rise = last_rise;
+  for (std::size_t n = first; n < count; ++n) {
+    if (direction == 0) {
+      const double change = value[n] - value[first];
+      if (std::abs(change) <= smallest_turn * swing) continue;
+      direction = change > 0 ? 1 : -1;
+      extreme = n;
+    } else if (direction * (value[n] - value[extreme]) > 0) {
+      extreme = n;
+    } else if (std::abs(value[n] - value[extreme]) > smallest_turn * swing) {
+      if (direction > 0 && fell) {
+        last_rise = time_of_rise(trough, extreme);
+        if (rises++ == 0) first_rise = last_rise;
+      }
+      if (turned) swing = std::abs(value[extreme] - value[turn]);
+      turned = true;
+      turn = extreme;
+      if (direction < 0) trough = extreme;
+      fell = fell || direction < 0;
+      direction = -direction;
+      extreme = n;
+    }
   }
   return rises > 1 ? (rises - 1) / (last_rise - first_rise) : missing;
 }

@@ -37,9 +37,10 @@ struct Harmonic {
 Harmonic fit_harmonic(const WatchSeries& series, double angular_frequency, double from_time);
 
 /// Oscillations per second after `from_time` [s]: from the first to the last time that the values rise
-/// through the middle between their extremes, linear between samples. A rise counts when the values were in
-/// the lowest quarter since the last one, so that noise around the middle is not taken for periods. Not a
-/// number without a whole period.
+/// through the middle between a trough and the peak after it, linear between samples; that middle is at the
+/// same phase of every cycle when the oscillation dies out or drifts. A turn counts when the values go back
+/// by a quarter of the last swing, so that noise is not taken for periods. Not a number without a whole
+/// period.
 double frequency_of(const WatchSeries& series, double from_time);
 
 /// The table a person reads at the end of a run.

@@ -46,6 +46,14 @@ TEST(Frequency, CountsRisesAndNotNoise) {
   EXPECT_TRUE(std::isnan(frequency_of(series, 11.0)));
 }
 
+TEST(Frequency, DoesNotShiftWhenTheOscillationDiesOut) {
+  WatchSeries series = cosine(2.0, 0, 0.0, 2 * std::numbers::pi * 0.1, 45.0, 4500);
+  for (std::size_t n = 0; n < series.value.size(); ++n)
+    series.value[n] = 3.0 + series.value[n] * std::exp(-0.1 * series.time[n]);
+  EXPECT_NEAR(frequency_of(series, 0.0), 0.1, 1e-5);
+  EXPECT_NEAR(frequency_of(series, 12.0), 0.1, 1e-5);
+}
+
 TEST(FitHarmonic, NeedsAWholePeriod) {
   EXPECT_TRUE(std::isnan(fit_harmonic(cosine(1, 0, 0, 1.0, 3.0, 100), 1.0, 0.0).amplitude));
 }
