@@ -51,9 +51,9 @@ double Convergence::relative(Field field) const {
       return norm.increment / std::max(norm.size, nothing);
     }
     case Field::velocity: {
-      const double floor =
-          std::max(small_share * largest_velocity_, zero_displacement * scale_ / std::max(window_, 1e-300));
-      return norm.increment / std::max(norm.size, floor);
+      const double nothing = zero_displacement * scale_ / std::max(window_, 1e-300);
+      if (norm.size <= nothing && norm.increment <= nothing) return 0;
+      return norm.increment / std::max({norm.size, small_share * largest_velocity_, nothing});
     }
     case Field::force:
       break;

@@ -49,7 +49,8 @@ private:
   double advance_steady(const Window& window, const Motion& end, ProgressBoard& progress);
   void run(std::size_t steps);
   void evaluate_fields();
-  void evaluate_loads();
+  // Loads on the wet nodes now; completed to the force `total` when the scene asks for it.
+  void evaluate_loads(const Force& total);
   double load_change();
   void check_state();
   void check_progress(ProgressBoard& progress, double fraction, const std::string& note);

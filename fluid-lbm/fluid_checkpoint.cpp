@@ -74,7 +74,7 @@ void Fluid::load(const std::filesystem::path& file) {
   fields_current_ = false;
   steps_checked_ = steps_;
   flow_->apply_boundaries();
-  evaluate_loads();
+  evaluate_loads(flow_->wet_force());
 }
 
 }  // namespace estuary::fluid

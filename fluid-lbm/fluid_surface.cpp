@@ -96,7 +96,7 @@ void Fluid::give_back(const Flow::State& state) {
   wet_load_stale_ = true;
 }
 
-void Fluid::evaluate_loads() {
+void Fluid::evaluate_loads(const Force& total) {
   if (!flow_->wet_surface()) return;
   const Stopwatch stopwatch(seconds_.fields_and_loads);
   if (wet_load_stale_) {
@@ -107,8 +107,7 @@ void Fluid::evaluate_loads() {
                      scene_.viscous_traction ? &traction_ : nullptr);
   if (scene_.match_force) {
     const Grid& grid = flow_->grid();
-    match_total(*flow_->wet_surface(), flow_->wet_force(), !grid.periodic_x && !grid.periodic_y, pressure_,
-                traction_);
+    match_total(*flow_->wet_surface(), total, !grid.periodic_x && !grid.periodic_y, pressure_, traction_);
   }
 }
 

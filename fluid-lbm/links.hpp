@@ -35,6 +35,9 @@ struct Force {
   friend Force operator+(const Force& a, const Force& b) {
     return {a.x + b.x, a.y + b.y, a.moment + b.moment};
   }
+  friend Force operator*(double factor, const Force& force) {
+    return {factor * force.x, factor * force.y, factor * force.moment};
+  }
 };
 
 struct LinkCounts {

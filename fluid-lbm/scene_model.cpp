@@ -114,13 +114,10 @@ void read_model(SceneTable& fluid, int dimension, FluidScene& result, Plan& plan
   if (result.has_solid && dimension == 3) {
     fluid.problem("size", "a solid's wet surface is known in two dimensions only");
   }
-  // Between two steps of a moving surface the force by momentum exchange is too noisy to steer the load.
-  const bool possible = result.viscous_traction && result.mode == Mode::steady;
-  result.match_force = fluid.boolean_or("match_force", possible);
-  if (result.match_force && !possible) {
-    fluid.problem("match_force",
-                  "the load can be matched to the total force only in steady mode and with viscous_traction");
-  }
+  result.match_force =
+      fluid.boolean_or("match_force", result.viscous_traction && result.mode == Mode::steady);
+  if (result.match_force && !result.viscous_traction)
+    fluid.problem("match_force", "the load can be matched to the total force only with viscous_traction");
   if (varies && result.has_grains && result.grain_method == GrainMethod::partially_saturated) {
     plan.warnings.emplace_back(
         "partially saturated cells weigh with the constant viscosity where the viscosity varies");

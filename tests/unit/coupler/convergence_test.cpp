@@ -36,6 +36,17 @@ TEST(Convergence, NothingMovingIsConvergedAndDividesByNothing) {
   EXPECT_EQ(convergence.relative(Field::displacement), 0.0);
 }
 
+TEST(Convergence, RoundOffOfADisplacementAndItsVelocityIsNoMotion) {
+  auto convergence = started(scene_with({{Field::displacement, MeasureKind::relative, 1e-4},
+                                         {Field::velocity, MeasureKind::relative, 1e-4}}));
+  EXPECT_EQ(convergence.judge({.displacement_increment = 3e-17,
+                               .displacement = 3e-17,
+                               .velocity_increment = 2e-17,
+                               .velocity = 3e-17},
+                              1),
+            Verdict::converged);
+}
+
 TEST(Convergence, AbsoluteAndResidualRelativeMeasures) {
   auto convergence = started(scene_with({{Field::displacement, MeasureKind::absolute, 1e-3},
                                          {Field::force, MeasureKind::residual_relative, 0.1}}));
