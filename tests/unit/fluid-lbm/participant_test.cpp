@@ -113,7 +113,7 @@ TEST(Configure, RefusesWhatCannotWork) {
               HasSubstr("outside"));
   EXPECT_THAT(
       problems_of(with(good, "density = 2.0", "density = 2.0\nviscous_traction = false\nmatch_force = true")),
-      HasSubstr("only in steady mode"));
+      HasSubstr("only with viscous_traction"));
   EXPECT_THAT(problems_of(good + "[fluid.steady]\ntolerance = 5\n"), HasSubstr("tolerance"));
 }
 
