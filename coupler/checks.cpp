@@ -16,6 +16,43 @@ namespace {
 constexpr double smallest_turn = 0.25;
 constexpr double missing = std::numeric_limits<double>::quiet_NaN();
 
+// Where the values turn: the extremes between which they go by a quarter of the swing before.
+std::vector<std::size_t> turns_of(const std::vector<double>& value, std::size_t first) {
+  const auto [low, high] =
+      std::minmax_element(value.begin() + static_cast<std::ptrdiff_t>(first), value.end());
+  double swing = *high - *low;
+  std::vector<std::size_t> turns;
+  std::size_t extreme = first;  // the highest value while they rise, the lowest while they fall
+  int direction = 0;            // unknown before the first quarter of a swing
+  for (std::size_t n = first; n < value.size(); ++n) {
+    if (direction == 0) {
+      const double change = value[n] - value[first];
+      if (std::abs(change) <= smallest_turn * swing) continue;
+      direction = change > 0 ? 1 : -1;
+      extreme = n;
+    } else if (direction * (value[n] - value[extreme]) > 0) {
+      extreme = n;
+    } else if (std::abs(value[n] - value[extreme]) > smallest_turn * swing) {
+      if (!turns.empty()) swing = std::abs(value[extreme] - value[turns.back()]);
+      turns.push_back(extreme);
+      direction = -direction;
+      extreme = n;
+    }
+  }
+  return turns;
+}
+
+// When the values pass the middle between two turns, linear between samples.
+double time_of_passage(const WatchSeries& series, std::size_t from, std::size_t to) {
+  const auto& value = series.value;
+  const double middle = 0.5 * (value[from] + value[to]);
+  const bool rises = value[to] > value[from];
+  std::size_t n = from + 1;
+  while (rises ? value[n] < middle : value[n] > middle) ++n;
+  const double part = (middle - value[n - 1]) / (value[n] - value[n - 1]);
+  return series.time[n - 1] + part * (series.time[n] - series.time[n - 1]);
+}
+
 double statistic_of(const WatchSeries& series, const std::string& statistic, const WatchScene& watch) {
   if (series.value.empty()) return missing;
   if (statistic == "last") return series.value.back();
@@ -69,51 +106,23 @@ double value_of(const std::string& quantity, const CouplingScene& scene, const R
 double frequency_of(const WatchSeries& series, double from_time) {
   const auto first = static_cast<std::size_t>(
       std::lower_bound(series.time.begin(), series.time.end(), from_time) - series.time.begin());
-  const std::size_t count = series.value.size();
-  if (first >= count) return missing;
-  const auto& value = series.value;
-  const auto [low, high] =
-      std::minmax_element(value.begin() + static_cast<std::ptrdiff_t>(first), value.end());
-  double swing = *high - *low;  // the last one, from extreme to extreme
-  const auto time_of_rise = [&](std::size_t trough, std::size_t peak) {
-    const double middle = 0.5 * (value[trough] + value[peak]);
-    std::size_t n = trough + 1;
-    while (value[n] < middle) ++n;
-    const double part = (middle - value[n - 1]) / (value[n] - value[n - 1]);
-    return series.time[n - 1] + part * (series.time[n] - series.time[n - 1]);
-  };
-  std::size_t extreme = first;  // the highest value while it rises, the lowest while it falls
-  std::size_t trough = first;   // the lowest of the last fall
-  int direction = 0;            // unknown until the first quarter of a swing
-  std::size_t turn = first;     // the last extreme of either kind
-  bool turned = false;
-  bool fell = false;
-  double first_rise = 0;
-  double last_rise = 0;
-  int rises = 0;
-  for (std::size_t n = first; n < count; ++n) {
-    if (direction == 0) {
-      const double change = value[n] - value[first];
-      if (std::abs(change) <= smallest_turn * swing) continue;
-      direction = change > 0 ? 1 : -1;
-      extreme = n;
-    } else if (direction * (value[n] - value[extreme]) > 0) {
-      extreme = n;
-    } else if (std::abs(value[n] - value[extreme]) > smallest_turn * swing) {
-      if (direction > 0 && fell) {
-        last_rise = time_of_rise(trough, extreme);
-        if (rises++ == 0) first_rise = last_rise;
-      }
-      if (turned) swing = std::abs(value[extreme] - value[turn]);
-      turned = true;
-      turn = extreme;
-      if (direction < 0) trough = extreme;
-      fell = fell || direction < 0;
-      direction = -direction;
-      extreme = n;
+  if (first >= series.value.size()) return missing;
+  const std::vector<std::size_t> turns = turns_of(series.value, first);
+  // One line through the passages upwards and one, of the same slope, through those downwards.
+  double slope = 0;
+  double weight = 0;
+  for (const std::size_t kind : {std::size_t{0}, std::size_t{1}}) {
+    std::vector<double> times;
+    for (std::size_t k = kind; k + 1 < turns.size(); k += 2)
+      times.push_back(time_of_passage(series, turns[k], turns[k + 1]));
+    const double middle = 0.5 * (static_cast<double>(times.size()) - 1);
+    for (std::size_t k = 0; k < times.size(); ++k) {
+      const double off = static_cast<double>(k) - middle;
+      slope += off * times[k];
+      weight += off * off;
     }
   }
-  return rises > 1 ? (rises - 1) / (last_rise - first_rise) : missing;
+  return weight > 0 ? weight / slope : missing;
 }
 
 Harmonic fit_harmonic(const WatchSeries& series, double angular_frequency, double from_time) {

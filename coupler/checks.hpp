@@ -36,10 +36,10 @@ struct Harmonic {
 };
 Harmonic fit_harmonic(const WatchSeries& series, double angular_frequency, double from_time);
 
-/// Oscillations per second after `from_time` [s]: from the first to the last time that the values rise
-/// through the middle between a trough and the peak after it, linear between samples; that middle is at the
-/// same phase of every cycle when the oscillation dies out or drifts. A turn counts when the values go back
-/// by a quarter of the last swing, so that noise is not taken for periods. Not a number without a whole
+/// Oscillations per second after `from_time` [s]: lines of one slope through the times at which the values
+/// pass the middle between a trough and a peak, upwards and downwards, linear between samples; that middle is
+/// at the same phase of every cycle when the oscillation dies out or drifts. A turn counts when the values go
+/// back by a quarter of the last swing, so that noise is not taken for periods. Not a number without a whole
 /// period.
 double frequency_of(const WatchSeries& series, double from_time);
 
