@@ -79,7 +79,7 @@ FluidScene read_fluid_scene(Scene& scene, const std::string& role, Plan& plan) {
       result.window = coupling->number("window", Range::positive());
       result.end_time = coupling->number_or("end_time", 0.0);
       result.repeats_windows =
-          result.has_partner && coupling->text_or("scheme", "serial-implicit").ends_with("implicit");
+          result.has_solid && coupling->text_or("scheme", "serial-implicit").ends_with("implicit");
     }
   }
   auto fluid = root.table(role);

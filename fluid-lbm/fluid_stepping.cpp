@@ -57,7 +57,7 @@ void Fluid::advance_transient(const Window& window, const Motion& end, ProgressB
     const double time = done == steps ? end_time_ : window.time + window.duration * fraction;
     if (!all_fixed) place_bodies(time, done == steps ? 1.0 : fraction, true);
     set_time(time);
-    if (scene_.match_force) {
+    if (scene_.match_force && flow_->wet_surface()) {
       flow_->apply_boundaries();
       total = total + static_cast<double>(count) / rounded * flow_->wet_force();
     }

@@ -73,6 +73,28 @@ void carry_history(const PolylineTouches& touches, std::size_t memory, double* h
   }
 }
 
+// Calls `use` with every wall contact from `begin` to `end` and how its grain touches; before those of a
+// polyline, which come together, `found` with the first of them and all its touches.
+template <int D, class Found, class Use>
+void for_each_touch(const std::vector<Wall<D>>& walls, const State<D>& state, std::size_t begin,
+                    std::size_t end, const Found& found, const Use& use) {
+  for (std::size_t n = begin; n < end;) {
+    const std::size_t i = state.wall_contact[n].grain;
+    const Wall<D>& wall = walls[state.wall_contact[n].wall];
+    const Vector<D> x = load<D>(state.position.data(), i);
+    if constexpr (D == 2) {
+      if (!wall.is_plane()) {
+        const PolylineTouches touches =
+            find_touches(wall, near_segments(state, n), x, state.radius[i], known_elements(state, n));
+        found(n, touches);
+        for (const WallTouch<2>& touch : touches.slot) use(n++, touch);
+        continue;
+      }
+    }
+    use(n++, touch_plane(wall, x, state.radius[i]));
+  }
+}
+
 }  // namespace
 
 template <int D>
@@ -98,21 +120,10 @@ void sweep_walls(const LawFunctions<D>& law, double dt, const std::vector<Wall<D
         (state.radius[contact.grain] - k.overlap) * f.torque(k.normal) + f.moment);
     wall_force[n] = -1.0 * force;
   };
-  for (std::size_t n = first_contact[block]; n < first_contact[block + 1];) {
-    const std::size_t i = state.wall_contact[n].grain;
-    const Wall<D>& wall = walls[state.wall_contact[n].wall];
-    const Vector<D> x = load<D>(state.position.data(), i);
-    if constexpr (D == 2) {
-      if (!wall.is_plane()) {
-        const PolylineTouches touches =
-            find_touches(wall, near_segments(state, n), x, state.radius[i], known_elements(state, n));
-        carry_history(touches, memory, state.wall_history.data() + memory * n);
-        for (const WallTouch<2>& touch : touches.slot) push(n++, touch);
-        continue;
-      }
-    }
-    push(n++, touch_plane(wall, x, state.radius[i]));
-  }
+  const auto carry = [&](std::size_t n, const PolylineTouches& touches) {
+    carry_history(touches, memory, state.wall_history.data() + memory * n);
+  };
+  for_each_touch(walls, state, first_contact[block], first_contact[block + 1], carry, push);
 }
 
 void add_node_forces(const std::vector<Wall<2>>& walls, const State<2>& state,
@@ -168,20 +179,8 @@ std::vector<ContactRecord<D>> measure_contacts(const LawFunctions<D>& law, const
     record.branch = (state.radius[contact.grain] - touch.overlap) * touch.normal;
     measure(record, walls[contact.wall].constants, state.wall_history.data() + remembered * n, remembered);
   };
-  for (std::size_t n = 0; n < state.wall_contact.size();) {
-    const std::size_t i = state.wall_contact[n].grain;
-    const Wall<D>& wall = walls[state.wall_contact[n].wall];
-    const Vector<D> x = load<D>(state.position.data(), i);
-    if constexpr (D == 2) {
-      if (!wall.is_plane()) {
-        const PolylineTouches touches =
-            find_touches(wall, near_segments(state, n), x, state.radius[i], known_elements(state, n));
-        for (const WallTouch<2>& touch : touches.slot) note(n++, touch);
-        continue;
-      }
-    }
-    note(n++, touch_plane(wall, x, state.radius[i]));
-  }
+  for_each_touch(
+      walls, state, 0, state.wall_contact.size(), [](std::size_t, const PolylineTouches&) {}, note);
   return records;
 }
 

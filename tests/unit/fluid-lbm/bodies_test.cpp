@@ -218,6 +218,7 @@ TEST(Images, BmpOfTwoByTwo) {
   std::filesystem::remove_all(file.parent_path());
 }
 
+// With a solid besides, because only with one are windows repeated.
 std::string scene_with_grains(const std::string& method) {
   return R"(
 title = "grains"
@@ -227,6 +228,7 @@ mode = "transient"
 window = 0.02
 end_time = 1.0
 [grains]
+[solid]
 [fluid]
 size = [1.0, 1.0]
 spacing = 0.025

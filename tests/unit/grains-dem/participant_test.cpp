@@ -4,6 +4,7 @@
 #include <unistd.h>
 
 #include "grains.hpp"
+#include "participant_under_test.hpp"
 
 namespace estuary::grains {
 namespace {
@@ -58,12 +59,6 @@ participant = "fluid"
 line = [[0, 0], [1, 1]]
 )";
 
-std::string replaced(std::string text, const std::string& what, const std::string& with) {
-  const auto at = text.find(what);
-  EXPECT_NE(at, std::string::npos) << what;
-  return text.replace(at, what.size(), with);
-}
-
 struct Running {
   Grains grains;
   Plan plan;
@@ -91,15 +86,6 @@ struct Running {
                           inputs, board);
   }
 };
-
-double value_of(const AdvanceResult& result, const std::string& watch, const std::string& quantity) {
-  for (const auto& entry : result.watches)
-    if (entry.name == watch)
-      for (const auto& [name, value] : entry.quantities)
-        if (name == quantity) return value;
-  ADD_FAILURE() << watch << "." << quantity << " is not there";
-  return 0;
-}
 
 std::vector<std::string> problems_of(const std::string& text) {
   Scene scene = Scene::parse(text, "scene.toml");

@@ -9,6 +9,7 @@
 #include <filesystem>
 #include <fstream>
 
+#include "participant_under_test.hpp"
 #include "solid.hpp"
 
 namespace estuary::solid {
@@ -47,11 +48,6 @@ participant = "fluid"
 line = [[0, 0], [1, 1]]
 )";
 
-std::string replaced(std::string text, const std::string& what, const std::string& with) {
-  const auto at = text.find(what);
-  EXPECT_NE(at, std::string::npos) << what;
-  return text.replace(at, what.size(), with);
-}
 std::string steady_fin() {
   return replaced(replaced(kFin, "MODE", "steady"), "WINDOW", "");
 }
@@ -104,15 +100,6 @@ struct Running {
   }
 };
 
-double value_of(const AdvanceResult& result, const std::string& watch, const std::string& quantity) {
-  for (const auto& entry : result.watches)
-    if (entry.name == watch)
-      for (const auto& [name, value] : entry.quantities)
-        if (name == quantity) return value;
-  ADD_FAILURE() << watch << "." << quantity << " is not there";
-  return 0;
-}
-
 TEST(Configure, PlansAGoodScene) {
   const Running run(steady_fin());
   EXPECT_EQ(run.plan.variant, "2d-svk-plane-strain-linear-stabilised");
@@ -150,7 +137,8 @@ INSTANTIATE_TEST_SUITE_P(
         Refusal{"[[watch]]", "[[solid.load]]\nside = \"bottom\"\nforce = [1, 0]\n[[watch]]", "no effect"},
         Refusal{"[[watch]]", "[[solid.load]]\nside = \"top\"\n[[watch]]", "give one of"},
         Refusal{"[[watch]]", "[[solid.load]]\nside = \"top\"\npressure = \"p +\"\n[[watch]]", ""},
-        Refusal{"[[watch]]", "[[solid.hold]]\nside = \"top\"\ncomponents = [\"z\"]\n[[watch]]", "can be held"},
+        Refusal{"[[watch]]", "[[solid.hold]]\nside = \"top\"\ncomponents = [\"z\"]\n[[watch]]",
+                "can be held"},
         Refusal{"[[watch]]", "[[solid.hold]]\nbody = \"other\"\n[[watch]]", "has the name"},
         Refusal{"[[watch]]", "[[solid.body]]\nname = \"a\"\n[[watch]]", "belongs into"},
         Refusal{"poisson_ratio = 0.3", "poisson_ratio = 0.3\nyield_stress = 5", "j2_plasticity"},

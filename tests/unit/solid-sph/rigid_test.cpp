@@ -7,6 +7,7 @@
 #include <numbers>
 
 #include "outline_filling.hpp"
+#include "participant_under_test.hpp"
 #include "rigid_motion.hpp"
 #include "solid.hpp"
 
@@ -112,15 +113,6 @@ struct Running {
                          inputs, board);
   }
 };
-
-double value_of(const AdvanceResult& result, const std::string& watch, const std::string& quantity) {
-  for (const auto& entry : result.watches)
-    if (entry.name == watch)
-      for (const auto& [name, value] : entry.quantities)
-        if (name == quantity) return value;
-  ADD_FAILURE() << watch << "." << quantity << " is not there";
-  return 0;
-}
 
 std::string scene(const std::string& solid, const std::string& mode = "transient") {
   return "title = \"rigid\"\ndimension = 2\n[coupling]\nmode = \"" + mode + "\"\n" +

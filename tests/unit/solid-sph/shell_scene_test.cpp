@@ -6,6 +6,7 @@
 #include <cmath>
 #include <filesystem>
 
+#include "participant_under_test.hpp"
 #include "solid.hpp"
 
 namespace estuary::solid {
@@ -45,12 +46,6 @@ name = "totals"
 participant = "solid"
 )";
 
-std::string replaced(std::string text, const std::string& what, const std::string& with) {
-  const auto at = text.find(what);
-  EXPECT_NE(at, std::string::npos) << what;
-  return text.replace(at, what.size(), with);
-}
-
 struct Running {
   Solid solid;
   Plan plan;
@@ -78,15 +73,6 @@ struct Running {
     return result;
   }
 };
-
-double value_of(const AdvanceResult& result, const std::string& watch, const std::string& quantity) {
-  for (const auto& entry : result.watches)
-    if (entry.name == watch)
-      for (const auto& [name, value] : entry.quantities)
-        if (name == quantity) return value;
-  ADD_FAILURE() << watch << "." << quantity << " is not there";
-  return 0;
-}
 
 TEST(ShellScene, RunsWithItsEnergyInBalanceAndGoesOnBitForBitAfterALoad) {
   Running one(kRing), two(kRing);
