@@ -17,7 +17,8 @@ constexpr std::uint64_t early_iterations = 3;
 // Velocities and forces below this share of the largest so far need no relative accuracy: the surface is
 // turning round, the load changes its sign or dies away.
 constexpr double small_share = 1e-2;
-// Displacements below this share of the surface's size count as zero: nothing moves, and that is converged.
+// Displacements below this share of the surface's size count as zero, and so do their changes: positions,
+// and with them all that a fluid makes of them, are known no better.
 constexpr double zero_displacement = 1e-14;
 // This many iterations in a row without any gain is a stall.
 constexpr std::uint64_t stalling_iterations = 50;
@@ -47,12 +48,11 @@ double Convergence::relative(Field field) const {
   switch (field) {
     case Field::displacement: {
       const double nothing = zero_displacement * scale_;
-      if (norm.size <= nothing && norm.increment <= nothing) return 0;
-      return norm.increment / std::max(norm.size, nothing);
+      return norm.increment <= nothing ? 0 : norm.increment / std::max(norm.size, nothing);
     }
     case Field::velocity: {
       const double nothing = zero_displacement * scale_ / std::max(window_, 1e-300);
-      if (norm.size <= nothing && norm.increment <= nothing) return 0;
+      if (norm.increment <= nothing) return 0;
       return norm.increment / std::max({norm.size, small_share * largest_velocity_, nothing});
     }
     case Field::force:

@@ -47,6 +47,15 @@ TEST(Convergence, RoundOffOfADisplacementAndItsVelocityIsNoMotion) {
             Verdict::converged);
 }
 
+TEST(Convergence, AChangeThatPositionsCannotShowIsNone) {
+  // A surface of 1 m that has moved by 1e-13 m so far: its positions are known to 1e-16 m.
+  auto convergence = started(scene_with({{Field::displacement, MeasureKind::relative, 1e-4}}));
+  EXPECT_EQ(convergence.judge({.displacement_increment = 2e-14, .displacement = 1.4e-13}, 1), Verdict::go_on);
+  EXPECT_NEAR(convergence.relative(Field::displacement), 1.0 / 7, 1e-12);
+  EXPECT_EQ(convergence.judge({.displacement_increment = 2e-15, .displacement = 1.4e-13}, 2),
+            Verdict::converged);
+}
+
 TEST(Convergence, AbsoluteAndResidualRelativeMeasures) {
   auto convergence = started(scene_with({{Field::displacement, MeasureKind::absolute, 1e-3},
                                          {Field::force, MeasureKind::residual_relative, 0.1}}));
