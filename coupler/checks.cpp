@@ -68,6 +68,10 @@ double statistic_of(const WatchSeries& series, const std::string& statistic, con
   if (statistic == "frequency") return frequency_of(series, watch.from_time);
   if (statistic == "min") return *std::min_element(begin, series.value.end());
   if (statistic == "max") return *std::max_element(begin, series.value.end());
+  if (statistic == "mid_range" || statistic == "half_range") {
+    const auto [low, high] = std::minmax_element(begin, series.value.end());
+    return 0.5 * (statistic == "mid_range" ? *high + *low : *high - *low);
+  }
   if (statistic == "mean") {
     return std::accumulate(begin, series.value.end(), 0.0) / static_cast<double>(series.value.end() - begin);
   }

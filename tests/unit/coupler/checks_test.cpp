@@ -96,6 +96,8 @@ TEST_F(Checks, TakesTheLastValueUnlessAnotherStatisticIsNamed) {
   EXPECT_DOUBLE_EQ(evaluate(compare("tip.x.max", 4, 0)).value, 4);
   EXPECT_DOUBLE_EQ(evaluate(compare("tip.x.min", 1, 0)).value, 1);
   EXPECT_DOUBLE_EQ(evaluate(compare("tip.x.mean", 7.0 / 3, 1e-12)).value, 7.0 / 3);
+  EXPECT_DOUBLE_EQ(evaluate(compare("tip.x.mid_range", 2.5, 0)).value, 2.5);
+  EXPECT_DOUBLE_EQ(evaluate(compare("tip.x.half_range", 1.5, 0)).value, 1.5);
   EXPECT_DOUBLE_EQ(evaluate(compare("coupling.iterations", 7, 0)).value, 7);
 }
 
