@@ -2,9 +2,11 @@
 
 #include <fmt/format.h>
 
-#include <Eigen/Dense>
+#include <Eigen/Eigenvalues>
+#include <Eigen/LU>
 #include <algorithm>
 #include <cmath>
+#include <limits>
 #include <stdexcept>
 
 #include "wet_surface.hpp"
@@ -17,13 +19,26 @@ constexpr double same_place = 1e-10;
 // A direction with less than this share of the largest extent is none.
 constexpr double flat = 1e-9;
 
-using Matrix = Eigen::MatrixXd;  // points: one row each
+using Point = Eigen::Vector3d;  // with z = 0 in two dimensions
 
-Matrix positions_of(const v1::WetSurface& surface) {
-  const auto dimension = static_cast<Eigen::Index>(surface.dimension());
-  const auto nodes = static_cast<Eigen::Index>(node_count(surface));
-  return Eigen::Map<const Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor>>(
-      surface.reference_positions().data(), nodes, dimension);
+std::vector<Point> positions_of(const v1::WetSurface& surface) {
+  const auto dimension = static_cast<int>(surface.dimension());
+  std::vector<Point> points(node_count(surface), Point::Zero());
+  for (std::size_t k = 0; k < points.size(); ++k) {
+    for (int axis = 0; axis < dimension; ++axis)
+      points[k][axis] = surface.reference_positions(static_cast<int>(k) * dimension + axis);
+  }
+  return points;
+}
+
+double extent_of(const std::vector<Point>& points) {
+  Point lowest = points.front();
+  Point highest = points.front();
+  for (const Point& point : points) {
+    lowest = lowest.cwiseMin(point);
+    highest = highest.cwiseMax(point);
+  }
+  return (highest - lowest).maxCoeff();
 }
 
 double basis(MappingKind kind, double r) {
@@ -38,25 +53,24 @@ double basis(MappingKind kind, double r) {
 }
 
 // Groups of nodes at the same place, each with its lowest number first.
-std::vector<std::vector<std::uint32_t>> places_of(const Matrix& points, double extent) {
+std::vector<std::vector<std::uint32_t>> places_of(const std::vector<Point>& points, double extent) {
   std::vector<std::vector<std::uint32_t>> places;
-  std::vector<Eigen::Index> by_x(static_cast<std::size_t>(points.rows()));
-  for (std::size_t k = 0; k < by_x.size(); ++k) by_x[k] = static_cast<Eigen::Index>(k);
-  std::sort(by_x.begin(), by_x.end(), [&](Eigen::Index a, Eigen::Index b) {
-    return points(a, 0) != points(b, 0) ? points(a, 0) < points(b, 0) : a < b;
+  std::vector<std::uint32_t> by_x(points.size());
+  for (std::size_t k = 0; k < by_x.size(); ++k) by_x[k] = static_cast<std::uint32_t>(k);
+  std::sort(by_x.begin(), by_x.end(), [&](std::uint32_t a, std::uint32_t b) {
+    return points[a].x() != points[b].x() ? points[a].x() < points[b].x() : a < b;
   });
   std::vector<bool> taken(by_x.size(), false);
   const double near = same_place * extent;
   for (std::size_t k = 0; k < by_x.size(); ++k) {
-    const Eigen::Index first = by_x[k];
-    if (taken[static_cast<std::size_t>(first)]) continue;
+    const std::uint32_t first = by_x[k];
+    if (taken[first]) continue;
     auto& place = places.emplace_back();
-    for (std::size_t l = k; l < by_x.size() && points(by_x[l], 0) - points(first, 0) <= near; ++l) {
-      const Eigen::Index other = by_x[l];
-      if (taken[static_cast<std::size_t>(other)] || (points.row(other) - points.row(first)).norm() > near)
-        continue;
-      taken[static_cast<std::size_t>(other)] = true;
-      place.push_back(static_cast<std::uint32_t>(other));
+    for (std::size_t l = k; l < by_x.size() && points[by_x[l]].x() - points[first].x() <= near; ++l) {
+      const std::uint32_t other = by_x[l];
+      if (taken[other] || (points[other] - points[first]).norm() > near) continue;
+      taken[other] = true;
+      place.push_back(other);
     }
   }
   return places;
@@ -65,33 +79,33 @@ std::vector<std::vector<std::uint32_t>> places_of(const Matrix& points, double e
 // The constant and the coordinates along which the points have an extent.
 class LinearPolynomial {
 public:
-  explicit LinearPolynomial(const Matrix& points) : centre_(points.colwise().mean()) {
-    const Matrix centred = points.rowwise() - centre_;
-    const Eigen::SelfAdjointEigenSolver<Matrix> axes(centred.transpose() * centred);
-    const double largest = std::sqrt(std::max(0.0, axes.eigenvalues().maxCoeff()));
-    for (Eigen::Index k = 0; k < axes.eigenvalues().size(); ++k) {
-      const Eigen::RowVectorXd along = axes.eigenvectors().col(k).transpose();
-      const double extent = (centred * along.transpose()).cwiseAbs().maxCoeff();
-      if (largest > 0 && extent > flat * largest) axes_.push_back(along / extent);
+  explicit LinearPolynomial(const std::vector<Point>& points) {
+    for (const Point& point : points) centre_ += point / static_cast<double>(points.size());
+    Eigen::Matrix3d spread = Eigen::Matrix3d::Zero();
+    for (const Point& point : points) spread += (point - centre_) * (point - centre_).transpose();
+    const Eigen::SelfAdjointEigenSolver<Eigen::Matrix3d> principal(spread);
+    const double largest = std::sqrt(std::max(0.0, principal.eigenvalues().maxCoeff()));
+    for (int k = 0; k < 3; ++k) {
+      const Point along = principal.eigenvectors().col(k);
+      double extent = 0;
+      for (const Point& point : points) extent = std::max(extent, std::abs((point - centre_).dot(along)));
+      if (largest > 0 && extent > flat * largest) axes_.emplace_back(along / extent);
     }
   }
   [[nodiscard]] Eigen::Index size() const { return static_cast<Eigen::Index>(axes_.size()) + 1; }
-  [[nodiscard]] Eigen::RowVectorXd at(const Eigen::RowVectorXd& point) const {
-    Eigen::RowVectorXd values(size());
-    values[0] = 1;
-    for (std::size_t k = 0; k < axes_.size(); ++k)
-      values[static_cast<Eigen::Index>(k) + 1] = (point - centre_).dot(axes_[k]);
-    return values;
+  [[nodiscard]] double at(const Point& point, Eigen::Index term) const {
+    return term == 0 ? 1.0 : (point - centre_).dot(axes_[static_cast<std::size_t>(term) - 1]);
   }
 
 private:
-  Eigen::RowVectorXd centre_;
-  std::vector<Eigen::RowVectorXd> axes_;
+  Point centre_ = Point::Zero();
+  std::vector<Point> axes_;
 };
 
-void require_reach(const Matrix& from, const Matrix& to, double radius) {
-  for (Eigen::Index k = 0; k < to.rows(); ++k) {
-    const double nearest = (from.rowwise() - to.row(k)).rowwise().norm().minCoeff();
+void require_reach(const std::vector<Point>& from, const std::vector<Point>& to, double radius) {
+  for (std::size_t k = 0; k < to.size(); ++k) {
+    double nearest = std::numeric_limits<double>::infinity();
+    for (const Point& point : from) nearest = std::min(nearest, (point - to[k]).norm());
     if (!(nearest < radius)) {
       throw std::invalid_argument(
           fmt::format("coupling.mapping.support_radius: {:g} m reaches no node from node {} of the other "
@@ -106,45 +120,55 @@ void require_reach(const Matrix& from, const Matrix& to, double radius) {
 std::vector<std::vector<Mapping::Entry>> radial_basis_rows(const MappingSettings& settings,
                                                            const v1::WetSurface& source,
                                                            const v1::WetSurface& target) {
-  const Matrix all = positions_of(source);
-  const Matrix to = positions_of(target);
-  const double extent = (all.colwise().maxCoeff() - all.colwise().minCoeff()).maxCoeff();
+  const std::vector<Point> all = positions_of(source);
+  const std::vector<Point> to = positions_of(target);
+  const double extent = extent_of(all);
   const auto places = places_of(all, extent);
-  const auto count = static_cast<Eigen::Index>(places.size());
-  if (places.size() > most_radial_nodes ||
-      static_cast<std::size_t>(all.rows()) * static_cast<std::size_t>(to.rows()) > most_radial_weights) {
+  if (places.size() > most_radial_nodes || all.size() * to.size() > most_radial_weights) {
     throw std::invalid_argument(fmt::format(
         "coupling.mapping.kind: radial basis functions between {} and {} nodes need a dense matrix "
         "that is too large (most: {} nodes, {} weights); use \"nearest-projection\"",
-        all.rows(), to.rows(), most_radial_nodes, most_radial_weights));
+        all.size(), to.size(), most_radial_nodes, most_radial_weights));
   }
-  Matrix from(count, all.cols());
-  for (Eigen::Index k = 0; k < count; ++k) from.row(k) = all.row(places[static_cast<std::size_t>(k)].front());
+  std::vector<Point> from;
+  for (const auto& place : places) from.push_back(all[place.front()]);
 
   const bool compact = settings.kind != MappingKind::thin_plate_spline;
   if (compact) require_reach(from, to, settings.support_radius);
   const double unit = compact ? settings.support_radius : std::max(extent, 1e-300);
-  const auto phi = [&](const Eigen::RowVectorXd& a, const Eigen::RowVectorXd& b) {
+  const auto phi = [&](const Point& a, const Point& b) {
     return basis(settings.kind, (a - b).norm() / unit);
   };
   const LinearPolynomial polynomial(from);
+  const auto count = static_cast<Eigen::Index>(from.size());
   const Eigen::Index size = count + polynomial.size();
-  Matrix system = Matrix::Zero(size, size);
+  const auto columns = static_cast<Eigen::Index>(to.size());
+  Eigen::MatrixXd system(size, size);
+  system.setZero();
+  Eigen::MatrixXd weights(size, columns);
   for (Eigen::Index i = 0; i < count; ++i) {
-    for (Eigen::Index j = 0; j <= i; ++j) system(i, j) = system(j, i) = phi(from.row(i), from.row(j));
-    system.row(i).tail(polynomial.size()) = polynomial.at(from.row(i));
-    system.col(i).tail(polynomial.size()) = system.row(i).tail(polynomial.size()).transpose();
+    const Point& here = from[static_cast<std::size_t>(i)];
+    for (Eigen::Index j = 0; j <= i; ++j)
+      system(i, j) = system(j, i) = phi(here, from[static_cast<std::size_t>(j)]);
+    for (Eigen::Index term = 0; term < polynomial.size(); ++term)
+      system(i, count + term) = system(count + term, i) = polynomial.at(here, term);
   }
-  Matrix right(size, to.rows());
-  for (Eigen::Index k = 0; k < to.rows(); ++k) {
-    for (Eigen::Index i = 0; i < count; ++i) right(i, k) = phi(to.row(k), from.row(i));
-    right.col(k).tail(polynomial.size()) = polynomial.at(to.row(k)).transpose();
+  for (Eigen::Index k = 0; k < columns; ++k) {
+    const Point& there = to[static_cast<std::size_t>(k)];
+    for (Eigen::Index i = 0; i < count; ++i) weights(i, k) = phi(there, from[static_cast<std::size_t>(i)]);
+    for (Eigen::Index term = 0; term < polynomial.size(); ++term)
+      weights(count + term, k) = polynomial.at(there, term);
   }
-  const Eigen::PartialPivLU<Matrix> factors(system);
-  const Matrix weights = factors.solve(right);
+  const Eigen::PartialPivLU<Eigen::MatrixXd> factors(system);
+  weights = factors.solve(weights);
   // Functions so alike that their matrix cannot be solved in double precision.
   const double condition = factors.rcond();
-  const double defect = (weights.topRows(count).colwise().sum().array() - 1).abs().maxCoeff();
+  double defect = 0;
+  for (Eigen::Index k = 0; k < columns; ++k) {
+    double sum = 0;
+    for (Eigen::Index i = 0; i < count; ++i) sum += weights(i, k);
+    if (!(std::abs(sum - 1) <= defect)) defect = std::abs(sum - 1);
+  }
   if (!(condition > 1e-15) || !(defect < 1e-6)) {
     throw std::invalid_argument(fmt::format(
         "coupling.mapping: the radial basis functions of {} nodes are nearly dependent (reciprocal "
@@ -152,8 +176,8 @@ std::vector<std::vector<Mapping::Entry>> radial_basis_rows(const MappingSettings
         "coupling.mapping.support_radius or \"nearest-projection\"",
         count, condition, defect));
   }
-  std::vector<std::vector<Mapping::Entry>> rows(static_cast<std::size_t>(to.rows()));
-  for (Eigen::Index k = 0; k < to.rows(); ++k) {
+  std::vector<std::vector<Mapping::Entry>> rows(to.size());
+  for (Eigen::Index k = 0; k < columns; ++k) {
     for (Eigen::Index i = 0; i < count; ++i) {
       const auto& place = places[static_cast<std::size_t>(i)];
       for (const std::uint32_t node : place)
