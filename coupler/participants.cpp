@@ -119,8 +119,12 @@ void Participants::greet(RemoteParticipant& participant) {
   const v1::Reply reply = ask(participant, std::move(hello), {});
   participant.identity_ = reply.welcome();
   const auto& welcome = participant.identity_;
-  participant.accepts_in_advance_ = std::find(welcome.capabilities().begin(), welcome.capabilities().end(),
-                                              "advance-accepts") != welcome.capabilities().end();
+  const auto can = [&](const char* capability) {
+    return std::find(welcome.capabilities().begin(), welcome.capabilities().end(), capability) !=
+           welcome.capabilities().end();
+  };
+  participant.accepts_in_advance_ = can("advance-accepts");
+  if (can("direct-line")) participant.channel_.open_direct_line();
   if (!reply.has_welcome()) {
     throw RunFailure(ExitStatus::participant_lost,
                      fmt::format("{}: {} answered Hello with something else than Welcome", participant.role(),

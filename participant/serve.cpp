@@ -7,14 +7,14 @@
 
 #include <CLI/CLI.hpp>
 #include <atomic>
-#include <condition_variable>
 #include <csignal>
-#include <deque>
 #include <iostream>
 #include <iterator>
 #include <thread>
 
 #include "channel.hpp"
+#include "conversation.hpp"
+#include "request_queue.hpp"
 #include "session.hpp"
 
 namespace estuary {
@@ -30,59 +30,14 @@ void on_signal(int /*signal*/) {
   terminate_requested = true;
 }
 
-// Where the two threads meet: requests go to the computing thread, replies come back.
-class Mailbox {
-public:
-  void put_request(v1::Request request) {
-    {
-      const std::lock_guard lock(mutex_);
-      requests_.push_back(std::move(request));
-    }
-    arrived_.notify_one();
-  }
-  // Empty when the process is to end.
-  std::optional<v1::Request> take_request() {
-    std::unique_lock lock(mutex_);
-    arrived_.wait(lock, [this] { return closed_ || !requests_.empty(); });
-    if (requests_.empty()) return std::nullopt;
-    v1::Request request = std::move(requests_.front());
-    requests_.pop_front();
-    return request;
-  }
-  void put_reply(v1::Reply reply) {
-    const std::lock_guard lock(mutex_);
-    replies_.push_back(std::move(reply));
-  }
-  std::optional<v1::Reply> take_reply() {
-    const std::lock_guard lock(mutex_);
-    if (replies_.empty()) return std::nullopt;
-    v1::Reply reply = std::move(replies_.front());
-    replies_.pop_front();
-    return reply;
-  }
-  void close() {
-    {
-      const std::lock_guard lock(mutex_);
-      closed_ = true;
-    }
-    arrived_.notify_one();
-  }
-
-private:
-  std::mutex mutex_;
-  std::condition_variable arrived_;
-  std::deque<v1::Request> requests_;
-  std::deque<v1::Reply> replies_;
-  bool closed_ = false;
-};
-
 // The thread that owns the socket.
 class Reception {
 public:
-  Reception(ServerChannel& channel, Mailbox& mailbox, ProgressBoard& board, const Identity& identity,
-            double orphan_timeout)
+  Reception(ServerChannel& channel, RequestQueue& queue, Conversation& conversation, ProgressBoard& board,
+            const Identity& identity, double orphan_timeout)
       : channel_(channel),
-        mailbox_(mailbox),
+        queue_(queue),
+        conversation_(conversation),
         board_(board),
         identity_(identity),
         orphan_timeout_(orphan_timeout),
@@ -93,9 +48,9 @@ public:
   bool run() {
     while (true) {
       if (auto incoming = channel_.receive(until_next_progress())) receive(std::move(*incoming));
-      while (auto reply = mailbox_.take_reply()) {
-        if (!send_reply(std::move(*reply))) return false;
-        if (stop_answered_) return true;
+      while (const auto reply = queue_.take_reply()) {
+        if (!tell_owner(*reply)) return false;
+        if (conversation_.ends_with(*reply)) return true;
       }
       if (!report_progress()) return false;
       if (terminate_requested) {
@@ -119,13 +74,8 @@ private:
 
   void refuse(const std::string& client, const v1::Header& header, v1::Error::Kind kind,
               const std::string& message) {
-    v1::Reply reply;
-    *reply.mutable_header() = header;
-    reply.mutable_header()->set_protocol_version(protocol_version);
-    reply.mutable_error()->set_kind(kind);
-    reply.mutable_error()->set_message(message);
     spdlog::warn("refused a request: {}", message);
-    (void)channel_.send(client, reply);
+    (void)channel_.send(client, refusal(header, kind, message));
   }
 
   void welcome(const std::string& client, const v1::Header& header) {
@@ -137,9 +87,10 @@ private:
     for (const auto& role : identity_.roles) welcome->add_roles(role);
     for (const auto& capability : identity_.capabilities) welcome->add_capabilities(capability);
     welcome->add_capabilities("advance-accepts");  // by Session, for every participant
+    if (queue_.offers_direct_line()) welcome->add_capabilities("direct-line");
     for (const auto dimension : identity_.dimensions) welcome->add_dimensions(dimension);
     welcome->set_process(static_cast<std::uint64_t>(::getpid()));
-    welcome->set_run_id(run_id_);
+    welcome->set_run_id(conversation_.run_id());
     (void)channel_.send(client, reply);
   }
 
@@ -150,61 +101,28 @@ private:
     }
     v1::Request& request = *incoming.request;
     const v1::Header header = request.header();
-    if (header.protocol_version() != protocol_version) {
-      refuse(incoming.client, header, v1::Error::VERSION,
-             fmt::format("the request speaks protocol version {}, this participant {}",
-                         header.protocol_version(), protocol_version));
-      return;
-    }
-    if (request.has_hello()) {
+    if (request.has_hello() && header.protocol_version() == protocol_version) {
       welcome(incoming.client, header);
       return;
     }
-    if (header.run_id().empty()) {
-      refuse(incoming.client, header, v1::Error::BAD_MESSAGE,
-             "the request belongs to no run (run_id is empty)");
+    const Conversation::Judgement judgement = conversation_.judge(request);
+    if (judgement.course == Conversation::Course::refuse) {
+      refuse(incoming.client, header, judgement.kind, judgement.message);
       return;
     }
-    if (run_id_.empty()) {
-      run_id_ = header.run_id();
-      spdlog::info("serves run {}", run_id_);
-    } else if (header.run_id() != run_id_) {
-      refuse(incoming.client, header, v1::Error::BUSY, fmt::format("busy with run {}", run_id_));
-      return;
-    }
+    if (owner_.empty()) spdlog::info("serves run {}", header.run_id());
     owner_ = incoming.client;
-    if (header.sequence() == last_reply_.header().sequence() && last_reply_.result_case() != 0) {
-      (void)channel_.send(owner_, last_reply_);  // the reply was lost: say it again, do nothing twice
-      return;
-    }
-    if (header.sequence() == working_on_ && working_on_ != 0) return;  // a retry of what is being done
-    if (header.sequence() <= std::max(last_reply_.header().sequence(), working_on_)) {
-      refuse(incoming.client, header, v1::Error::OUT_OF_ORDER,
-             fmt::format("request {} is older than request {}", header.sequence(),
-                         last_reply_.header().sequence()));
-      return;
-    }
-    if (working_on_ != 0 && !request.has_stop()) {
-      refuse(
-          incoming.client, header, v1::Error::OUT_OF_ORDER,
-          fmt::format("request {} came while request {} is being worked on", header.sequence(), working_on_));
-      return;
-    }
-    if (request.has_stop()) {
-      stop_sequence_ = header.sequence();
-      if (working_on_ != 0) board_.request_stop();
-    }
-    working_on_ = header.sequence();
-    working_header_ = header;
-    mailbox_.put_request(std::move(request));
+    if (judgement.course == Conversation::Course::repeat)
+      (void)channel_.send(owner_, *conversation_.last_reply());
+    if (judgement.course != Conversation::Course::carry_out) return;
+    if (judgement.interrupts) board_.request_stop();
+    queue_.put_request(std::move(request));
   }
 
-  bool send_reply(v1::Reply reply) {
-    if (reply.header().sequence() == working_on_) working_on_ = 0;
-    stop_answered_ = stop_sequence_ != 0 && reply.header().sequence() == stop_sequence_;
-    last_reply_ = std::move(reply);
-    if (channel_.send(owner_, last_reply_)) return true;
-    spdlog::error("the coupler of run {} is gone", run_id_);
+  // False when there is nobody to tell.
+  bool tell_owner(const v1::Reply& reply) {
+    if (channel_.send(owner_, reply)) return true;
+    spdlog::error("the coupler of run {} is gone", conversation_.run_id());
     return false;
   }
 
@@ -213,34 +131,25 @@ private:
     if (owner_.empty() || now - last_progress_ < progress_interval) return true;
     last_progress_ = now;
     v1::Reply reply;
-    if (working_on_ != 0) *reply.mutable_header() = working_header_;
-    reply.mutable_header()->set_protocol_version(protocol_version);
-    reply.mutable_header()->set_run_id(run_id_);
+    *reply.mutable_header() = conversation_.header_under_way();
     const auto snapshot = board_.snapshot();
     auto* progress = reply.mutable_progress();
     progress->set_phase(snapshot.phase);
     progress->set_fraction(snapshot.fraction);
     progress->set_counter(snapshot.counter);
     progress->set_note(snapshot.note);
-    if (channel_.send(owner_, reply)) return true;
-    spdlog::error("the coupler of run {} is gone", run_id_);
-    return false;
+    return tell_owner(reply);
   }
 
   ServerChannel& channel_;
-  Mailbox& mailbox_;
+  RequestQueue& queue_;
+  Conversation& conversation_;
   ProgressBoard& board_;
   const Identity& identity_;
   double orphan_timeout_;
   steady_clock::time_point born_;
   steady_clock::time_point last_progress_;
-  std::string run_id_;
   std::string owner_;
-  v1::Reply last_reply_;
-  v1::Header working_header_;
-  std::uint64_t working_on_ = 0;
-  std::uint64_t stop_sequence_ = 0;
-  bool stop_answered_ = false;
 };
 
 int check_only(Participant& participant) {
@@ -292,8 +201,9 @@ int serve(int argc, char** argv, std::unique_ptr<Participant> participant) {
     spdlog::info("{} {} at {}, {} threads", identity.name, identity.version, channel.bound_endpoint(),
                  omp_get_max_threads());
     ProgressBoard board;
-    Mailbox mailbox;
-    Reception reception(channel, mailbox, board, identity, orphan_timeout);
+    Conversation conversation;
+    RequestQueue queue(endpoint, conversation);
+    Reception reception(channel, queue, conversation, board, identity, orphan_timeout);
     std::atomic<bool> computing_ended{false};
     bool stopped_properly = false;
     std::thread receiver([&] {
@@ -304,7 +214,7 @@ int serve(int argc, char** argv, std::unique_ptr<Participant> participant) {
       }
       if (stopped_properly) return;
       board.request_stop();
-      mailbox.close();
+      queue.close();
       const auto deadline = steady_clock::now() + grace_after_loss;
       while (!computing_ended && steady_clock::now() < deadline) {
         std::this_thread::sleep_for(std::chrono::milliseconds(20));
@@ -316,16 +226,15 @@ int serve(int argc, char** argv, std::unique_ptr<Participant> participant) {
     });
 
     Session session(*participant, folder, board);
-    while (auto request = mailbox.take_request()) {
+    while (const auto request = queue.next()) {
       board.begin_phase(phase_name(*request));
-      v1::Reply reply = session.answer(*request);
+      const auto reply = std::make_shared<const v1::Reply>(session.answer(*request));
       board.begin_phase("idle");
-      if (reply.has_error()) {
+      if (reply->has_error()) {
         spdlog::error("{}, window {} iteration {}: {} {}", phase_name(*request), request->header().window(),
-                      request->header().iteration(), reply.error().field(), reply.error().message());
+                      request->header().iteration(), reply->error().field(), reply->error().message());
       }
-      mailbox.put_reply(std::move(reply));
-      channel.wake();
+      if (queue.reply(reply)) channel.wake();
       if (session.stopped()) break;
     }
     computing_ended = true;

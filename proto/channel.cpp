@@ -12,6 +12,8 @@
 #include <vector>
 #include <zmq.hpp>
 
+#include "direct_line.hpp"
+
 namespace estuary {
 namespace {
 
@@ -102,6 +104,8 @@ const char* phase_name(const v1::Request& request) {
 
 struct ClientChannel::Socket {
   zmq::socket_t socket{context(), zmq::socket_type::dealer};
+  std::optional<DirectLine> line;
+  bool reply_over_line = false;  // the reply awaited
 };
 
 ClientChannel::ClientChannel(const std::string& endpoint)
@@ -122,7 +126,22 @@ ClientChannel::~ClientChannel() = default;
 ClientChannel::ClientChannel(ClientChannel&&) noexcept = default;
 ClientChannel& ClientChannel::operator=(ClientChannel&&) noexcept = default;
 
+void ClientChannel::open_direct_line() {
+  if (const std::string path = direct_line_path(endpoint_); !path.empty())
+    socket_->line = DirectLine::connect(path);
+}
+
 void ClientChannel::send(const v1::Request& request) {
+  socket_->reply_over_line = false;
+  if (socket_->line && (request.has_advance() || request.has_accept())) {
+    if (const std::size_t size = socket_->line->send(request); size != 0) {
+      socket_->reply_over_line = true;
+      bytes_sent_ += size;
+      ++messages_;
+      return;
+    }
+    socket_->line.reset();
+  }
   zmq::message_t frame = serialise(request);
   const std::size_t size = frame.size();
   if (!socket_->socket.send(frame, zmq::send_flags::none)) {
@@ -132,7 +151,29 @@ void ClientChannel::send(const v1::Request& request) {
   ++messages_;
 }
 
+// A line that is closed says nothing about why: the channel, the process and its progress do. A reply that
+// was lost with it is asked for again.
+std::optional<v1::Reply> ClientChannel::receive_over_line() {
+  v1::Reply reply;
+  switch (socket_->line->receive(reply)) {
+    case DirectLine::Received::nothing:
+      return std::nullopt;
+    case DirectLine::Received::closed:
+      socket_->line.reset();
+      return std::nullopt;
+    case DirectLine::Received::message:
+      break;
+  }
+  socket_->reply_over_line = false;
+  bytes_received_ += socket_->line->bytes_received();
+  ++messages_;
+  return reply;
+}
+
 std::optional<v1::Reply> ClientChannel::receive(std::chrono::milliseconds timeout) {
+  if (socket_->line) {
+    if (auto reply = receive_over_line()) return reply;
+  }
   zmq::pollitem_t item{socket_->socket.handle(), 0, ZMQ_POLLIN, 0};
   try {
     zmq::poll(&item, 1, timeout);
@@ -160,8 +201,15 @@ void ClientChannel::wait_for_any(std::span<ClientChannel* const> channels,
                                  std::chrono::milliseconds timeout) {
   std::vector<zmq::pollitem_t> items;
   items.reserve(channels.size());
-  for (ClientChannel* channel : channels)
-    items.push_back({channel->socket_->socket.handle(), 0, ZMQ_POLLIN, 0});
+  for (ClientChannel* channel : channels) {
+    // What else comes over the channel, reports of progress, can wait for the timeout.
+    const Socket& socket = *channel->socket_;
+    if (socket.line && socket.reply_over_line) {
+      items.push_back({nullptr, socket.line->descriptor(), ZMQ_POLLIN, 0});
+    } else {
+      items.push_back({channel->socket_->socket.handle(), 0, ZMQ_POLLIN, 0});
+    }
+  }
   try {
     zmq::poll(items, timeout);
   } catch (const zmq::error_t& error) {

@@ -44,6 +44,11 @@ public:
   ClientChannel(ClientChannel&&) noexcept;
   ClientChannel& operator=(ClientChannel&&) noexcept;
 
+  /// Enters the participant's direct line when it has one at this endpoint; an Advance and an Accept then go
+  /// over it, and their replies come back over it. To be called after its Welcome with the capability
+  /// "direct-line".
+  void open_direct_line();
+
   /// Throws ChannelError when the message is too large.
   void send(const v1::Request& request);
   /// The next message, or nothing when `timeout` passes. Throws ChannelError when it cannot be read as a
@@ -58,6 +63,8 @@ public:
   [[nodiscard]] std::uint64_t messages() const { return messages_; }
 
 private:
+  [[nodiscard]] std::optional<v1::Reply> receive_over_line();
+
   struct Socket;
   std::unique_ptr<Socket> socket_;
   std::string endpoint_;
