@@ -38,7 +38,7 @@ import tempfile
 
 ROOT = pathlib.Path(__file__).resolve().parents[2]
 FIELDS = ["run", "label", "step", "status", "error", "values", "wall_s", "wall_min_s", "wall_max_s",
-          "processor_s", "updates", "repeats", "load"]
+          "processor_s", "updates", "iterations", "work", "repeats", "load"]
 
 
 def alternatives(text):
@@ -95,7 +95,7 @@ def errors_of(summary, wanted):
 
 
 def run_once(options, settings, wanted):
-    """(status, error, values, wall seconds, processor seconds, updates)"""
+    """(status, error, values, wall seconds, processor seconds, updates, iterations per window, work)"""
     with tempfile.TemporaryDirectory(prefix="ladder-") as folder:
         command = [options.coupler, "run", options.scene, "--out", folder + "/run"]
         for assignment in settings:
@@ -106,7 +106,7 @@ def run_once(options, settings, wanted):
             done = subprocess.run(command, capture_output=True, text=True, timeout=options.time_limit,
                                   env=environment, check=False)
         except subprocess.TimeoutExpired:
-            return "time limit", None, {}, options.time_limit, options.time_limit, 0
+            return "time limit", None, {}, options.time_limit, options.time_limit, 0, "", ""
         after = resource.getrusage(resource.RUSAGE_CHILDREN)
         processor = after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime
         if done.returncode == 2:
@@ -114,12 +114,17 @@ def run_once(options, settings, wanted):
         path = pathlib.Path(folder, "run", "summary.json")
         summary = json.loads(path.read_text()) if path.exists() else {}
         wall = summary.get("wall_s", 0.0)
+        iterations = summary.get("iterations", {}).get("mean", "")
+        participants = summary.get("participants", {})
+        work = "; ".join(f"{name}: {p.get('steps', 0)} steps, {p.get('compute_s', 0):.3g} s"
+                         for name, p in participants.items())
         if done.returncode not in (0, 1):
-            return summary.get("status", f"exit {done.returncode}"), None, {}, wall, processor, 0
+            return (summary.get("status", f"exit {done.returncode}"), None, {}, wall, processor, 0, iterations,
+                    work)
         found = errors_of(summary, wanted)
-        updates = sum(p.get("updates", 0) for p in summary["participants"].values())
+        updates = sum(p.get("updates", 0) for p in participants.values())
         return ("done", max(error for _, error in found.values()),
-                {name: value for name, (value, _) in found.items()}, wall, processor, updates)
+                {name: value for name, (value, _) in found.items()}, wall, processor, updates, iterations, work)
 
 
 def write_csv(path, rows):
@@ -196,7 +201,8 @@ def table_rows(cases, known):
                          "wall_s": f"{statistics.median(walls):.4g}", "wall_min_s": f"{min(walls):.4g}",
                          "wall_max_s": f"{max(walls):.4g}",
                          "processor_s": f"{statistics.median(r[4] for r in runs):.4g}",
-                         "updates": f"{runs[0][5]:.6g}", "repeats": len(runs),
+                         "updates": f"{runs[0][5]:.6g}", "iterations": runs[0][6], "work": runs[0][7],
+                         "repeats": len(runs),
                          "load": f"{os.getloadavg()[0]:.1f}"})
     return rows
 
@@ -244,11 +250,11 @@ def main():
             if case["runs"] and case["runs"][0][0] != "done":
                 continue  # it will not do better the next time
             case["runs"].append(run_once(options, case["settings"], wanted))
-            status, error, values, wall, processor, _ = case["runs"][-1]
+            status, error, values, wall, processor, _, iterations, _ = case["runs"][-1]
             shown = " ".join(f"{name} {value:.6g}" for name, value in values.items())
             print(f"{case['name']}: {status}, "
                   + (f"error {100 * error:.3g} %, {shown}, " if error is not None else "")
-                  + f"{wall:.3g} s wall, {processor:.3g} s processor", flush=True)
+                  + f"{iterations} iterations per window, {wall:.3g} s wall, {processor:.3g} s processor", flush=True)
             write_csv(target, table_rows(cases, known))
     rows = table_rows(cases, known)
     write_csv(target, rows)
