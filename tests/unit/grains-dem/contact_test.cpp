@@ -158,6 +158,32 @@ TEST(RollingResistance, SlowsBySlopeMinusItsOwnAngle) {
   EXPECT_NEAR(roll_down<3>(5, 0.05), 0, 0.02);
 }
 
+// Two spheres pressed together turn against each other about their line of centres: each slows by c 2r F / I.
+double pivot(RollingLaw law) {
+  constexpr double r = 0.01, stiffness = 1e5, press = 2.0, spin = 40, time = 0.01;
+  auto settings = test::free_space<3>(stiffness, 0.5, 0.4);
+  settings.law.rolling = law;
+  settings.constants.rolling_friction = 0.2;  // has no part in it
+  settings.constants.pivoting_friction = 0.01;
+  settings.constants.rolling_stiffness = 0.5 * stiffness;
+  settings.constants.rolling_damping = law == RollingLaw::viscous ? 1.0 : 0.3;
+  InitialGrains<3> grains;
+  add_grain<3>(grains, {0, 0, 0}, {}, r, 1000, {spin, 0, 0});
+  add_grain<3>(grains, {2 * r - press / stiffness, 0, 0}, {}, r, 1000, {-spin, 0, 0});
+  Dynamics<3> dynamics(settings, grains, {});
+  dynamics.set_external(std::vector<double>{press, 0, 0, -press, 0, 0}, {});
+  dynamics.advance(time, 2000);
+  const State<3>& s = dynamics.state();
+  EXPECT_NEAR(s.spin[0] + s.spin[3], 0, 1e-12 * spin);
+  EXPECT_NEAR(dynamics.energy_error(), 0, 1e-3);
+  const double slowing = 0.01 * 2 * r * press * time / grains.inertia[0];
+  return (spin - std::abs(s.spin[0])) / slowing;
+}
+TEST(PivotingResistance, SlowsTurningAboutTheNormal) {
+  EXPECT_NEAR(pivot(RollingLaw::viscous), 1, 1e-9);
+  EXPECT_NEAR(pivot(RollingLaw::spring), 1, 0.01);
+}
+
 TEST(Cohesion, HoldsUpToItsForce) {
   auto settings = test::free_space<3>(1e5, 0.5);
   settings.law.cohesive = true;
@@ -190,7 +216,8 @@ void conserves(LawChoice law) {
   settings.skin = 0.003;
   Dynamics<D> dynamics(settings, grains, {});
   const auto before = test::totals(dynamics);
-  // Pure sliding friction turns round at once when a contact stops: it needs smaller steps for the same balance.
+  // Pure sliding friction turns round at once when a contact stops: it needs smaller steps for the same
+  // balance.
   dynamics.advance(0.02, law.friction == FrictionLaw::coulomb ? 2000 : 1000);
   const auto after = test::totals(dynamics);
   double mass = 0;
