@@ -50,6 +50,7 @@ void EdgeLinks::find_edges(const Surface& surface) {
   std::vector<std::uint32_t> leaving(surface.node_count(), none);
   std::vector<std::uint32_t> arriving(surface.node_count(), none);
   for (std::uint32_t k = 0; k < segments.size(); ++k) {
+    if (surface.closes_a_line(segments[k])) continue;  // its ends lie in what holds the body
     if (leaving[segments[k].a] == none) leaving[segments[k].a] = k;
     if (arriving[segments[k].b] == none) arriving[segments[k].b] = k;
   }
@@ -78,7 +79,8 @@ void EdgeLinks::find_edges(const Surface& surface) {
   }
 }
 
-void EdgeLinks::see(const Segment& s, int x, int y, const Surface& surface, const Cells& cells) {
+void EdgeLinks::see(std::uint32_t segment, int x, int y, const Surface& surface, const Cells& cells) {
+  const Segment& s = near_segments_[segment];
   const Grid& grid = cells.grid();
   const int column = grid.wrap_x(x);
   const int row = grid.wrap_y(y);
@@ -95,19 +97,25 @@ void EdgeLinks::see(const Segment& s, int x, int y, const Surface& surface, cons
       edge = std::max(edge, at.strength * std::clamp((reach - to_edge) / (reach - full_reach), 0.0, 1.0));
     }
     known = static_cast<std::int32_t>(near_nodes_.size());
-    near_nodes_.push_back({{column, row}, near_surface, edge, everywhere_ ? 1.0 : edge, 0, 0, s.a});
+    near_nodes_.push_back(
+        {{column, row}, near_surface, edge, everywhere_ ? 1.0 : edge, 0, 0, s.a, s.b, 0, -1});
   }
   NearNode& near = near_nodes_[static_cast<std::size_t>(known)];
+  seen_.push_back({segment, near.last_seen});
+  near.last_seen = static_cast<std::int32_t>(seen_.size() - 1);
   if (distance >= near.distance) return;
   const auto& v = surface.velocities();
   near.distance = distance;
   near.surface_node = s.a;
+  near.surface_end = s.b;
+  near.along = along;
   near.velocity_x = (1 - along) * v[2 * s.a] + along * v[2 * s.b];
   near.velocity_y = (1 - along) * v[2 * s.a + 1] + along * v[2 * s.b + 1];
 }
 
 void EdgeLinks::find_near_nodes(const Surface& surface, const Cells& cells) {
-  for (const Segment& s : near_segments_) {
+  for (std::uint32_t segment = 0; segment < near_segments_.size(); ++segment) {
+    const Segment& s = near_segments_[segment];
     const double low = std::min(s.ay, s.by);
     const double high = std::max(s.ay, s.by);
     if (!(std::abs(s.ax) < 1e8 && std::abs(s.bx) < 1e8 && low > -1e8 && high < 1e8)) continue;
@@ -124,7 +132,7 @@ void EdgeLinks::find_near_nodes(const Surface& surface, const Cells& cells) {
       }
       const int x_last = static_cast<int>(std::floor(right + near_surface));
       for (int x = static_cast<int>(std::ceil(left - near_surface)); x <= x_last; ++x)
-        see(s, x, y, surface, cells);
+        see(segment, x, y, surface, cells);
     }
   }
 }
@@ -140,20 +148,31 @@ const EdgeLinks::NearNode* EdgeLinks::find(const Grid& grid, int x, int y) const
 
 void EdgeLinks::find_near_segments(const Surface& surface) {
   near_segments_.clear();
+  near_insets_.clear();
+  const std::vector<double> normals = surface.node_normals();
   constexpr double box = reach + link_length + near_surface;
   for (const Segment& s : surface.segments()) {
     const bool near = everywhere_ || std::any_of(edges_.begin(), edges_.end(), [&](const Edge& edge) {
                         return std::min(s.ax, s.bx) <= edge.x + box && std::max(s.ax, s.bx) >= edge.x - box &&
                                std::min(s.ay, s.by) <= edge.y + box && std::max(s.ay, s.by) >= edge.y - box;
                       });
-    if (near) near_segments_.push_back(s);
+    if (!near) continue;
+    near_segments_.push_back(s);
+    const std::size_t a = 2 * s.a;
+    const std::size_t b = 2 * s.b;
+    near_insets_.push_back({s.ax - surface_inset * normals[a], s.ay - surface_inset * normals[a + 1],
+                            s.bx - surface_inset * normals[b], s.by - surface_inset * normals[b + 1], s.a,
+                            s.b});
   }
 }
 
+// Measured where nodes become solid, a little inside: a face that lies on a row of nodes would otherwise cut
+// all its links or none when it moves by round-off.
 EdgeLinks::Chord EdgeLinks::chord_of(const NearNode& from, int direction) const {
   const auto& c = D2Q9::velocity[static_cast<std::size_t>(direction)];
   Chord chord{2, -1};
-  for (const Segment& s : near_segments_) {
+  for (std::int32_t k = from.last_seen; k >= 0; k = seen_[static_cast<std::size_t>(k)].before) {
+    const Segment& s = near_insets_[seen_[static_cast<std::size_t>(k)].segment];
     // Solves from + q c = a + along (b - a).
     const double tx = s.bx - s.ax;
     const double ty = s.by - s.ay;
@@ -184,10 +203,12 @@ void EdgeLinks::add(const NearNode& from, const NearNode& to, int i, const Cells
     const double soft = std::max(from.edge, to.edge) * (0.5 + 4 * std::min(from.distance, to.distance));
     cut = inside < soft ? inside / soft : 1.0;
   }
-  const double b_from = from.strength * std::max(0.0, 1 - from.distance);
+  // Both with the strength of the node that closes: beside a face the two distances are the same but for
+  // round-off, and what decides between them must not be a difference of strengths.
+  const double b_from = to.strength * std::max(0.0, 1 - from.distance);
   const double b_to = to.strength * std::max(0.0, 1 - to.distance);
   double fading = 0;
-  if (b_to > b_from && from.distance > to.distance) fading = (1 - cut) * (b_to - b_from) / (1 - b_from);
+  if (b_to > b_from) fading = (1 - cut) * (b_to - b_from) / (1 - b_from);
   const double share = cut + fading;
   if (share <= 0) return;
 
@@ -199,6 +220,8 @@ void EdgeLinks::add(const NearNode& from, const NearNode& to, int i, const Cells
                   .velocity_x = to.velocity_x,
                   .velocity_y = to.velocity_y,
                   .surface_node = to.surface_node,
+                  .surface_end = to.surface_end,
+                  .along = to.along,
                   .leaving = {},
                   .second = {},
                   .behind = {},
@@ -243,6 +266,7 @@ void EdgeLinks::build(const Surface& surface, const Cells& cells, const Populati
                   static_cast<std::size_t>(near.node.x)] = -1;
   }
   near_nodes_.clear();
+  seen_.clear();
   closings_.clear();
   find_edges(surface);
   if (edges_.empty() && !everywhere_) return;
@@ -301,21 +325,34 @@ void EdgeLinks::reopen(Populations& populations, Parity parity) const {
   }
 }
 
+Force EdgeLinks::force_of(std::size_t n) const {
+  const Closing& closing = closings_[n];
+  const auto& c = D2Q9::velocity[static_cast<std::size_t>(closing.direction)];
+  const double taken = open_values_[n] - closed_values_[n];  // of the population that moves along -c
+  const double fx = taken * (-c[0] - closing.velocity_x);
+  const double fy = taken * (-c[1] - closing.velocity_y);
+  return {fx, fy,
+          (closing.node.x + closing.place * c[0]) * fy - (closing.node.y + closing.place * c[1]) * fx};
+}
+
 Force EdgeLinks::force(std::span<const std::uint32_t> bodies, std::uint32_t body) const {
   Force total;
   for (std::size_t n = 0; n < closings_.size(); ++n) {
-    const Closing& closing = closings_[n];
-    if (!bodies.empty() && bodies[closing.surface_node] != body) continue;
-    const auto& c = D2Q9::velocity[static_cast<std::size_t>(closing.direction)];
-    const double taken = open_values_[n] - closed_values_[n];  // of the population that moves along -c
-    const double fx = taken * (-c[0] - closing.velocity_x);
-    const double fy = taken * (-c[1] - closing.velocity_y);
-    total.x += fx;
-    total.y += fy;
-    total.moment +=
-        (closing.node.x + closing.place * c[0]) * fy - (closing.node.y + closing.place * c[1]) * fx;
+    if (!bodies.empty() && bodies[closings_[n].surface_node] != body) continue;
+    total = total + force_of(n);
   }
   return total;
+}
+
+void EdgeLinks::add_node_forces(double weight, std::vector<double>& force) const {
+  for (std::size_t n = 0; n < closings_.size(); ++n) {
+    const Force one = weight * force_of(n);
+    const Closing& closing = closings_[n];
+    force[2 * closing.surface_node] += (1 - closing.along) * one.x;
+    force[2 * closing.surface_node + 1] += (1 - closing.along) * one.y;
+    force[2 * closing.surface_end] += closing.along * one.x;
+    force[2 * closing.surface_end + 1] += closing.along * one.y;
+  }
 }
 
 }  // namespace estuary::fluid

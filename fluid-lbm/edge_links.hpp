@@ -7,7 +7,7 @@
 //
 // So near an edge the links from a fluid node x closer than one spacing to the surface, to the fluid nodes n
 // behind it, are closed gradually. With s the distances from the surface in spacings, e how near the edge is
-// (1 within two spacings, 0 beyond three and a half), and B = e max(0, 1 - s), the share
+// (1 within two spacings, 0 beyond three and a half, taken at n), and B = e max(0, 1 - s), the share
 //
 //   b = (B_x - B_n) / (1 - B_n)   where positive
 //
@@ -58,6 +58,8 @@ public:
   void reopen(Populations& populations, Parity parity) const;
   /// What the closed shares take from the fluid, by momentum exchange as in links.hpp.
   [[nodiscard]] Force force(std::span<const std::uint32_t> bodies = {}, std::uint32_t body = 0) const;
+  /// Adds `weight` times the same at the nodes of the surface, as in links.hpp.
+  void add_node_forces(double weight, std::vector<double>& force) const;
   [[nodiscard]] std::size_t count() const { return closings_.size(); }
 
 private:
@@ -74,7 +76,15 @@ private:
     double strength = 0;    // of the closing, 0..1
     double velocity_x = 0;  // of that point of the surface
     double velocity_y = 0;
-    std::uint32_t surface_node = 0;  // of the nearest segment
+    std::uint32_t surface_node = 0;  // of the nearest segment, its first
+    std::uint32_t surface_end = 0;   // its last
+    double along = 0;                // the point's place between them
+    std::int32_t last_seen = -1;     // into seen_
+  };
+  // A segment near a node, and the one seen there before.
+  struct Seen {
+    std::uint32_t segment = 0;  // into near_insets_
+    std::int32_t before = -1;
   };
   // The part of a link that lies in the body, as fractions of the link.
   struct Chord {
@@ -88,7 +98,9 @@ private:
     double share = 0;
     double velocity_x = 0;  // of the wall [lattice units]
     double velocity_y = 0;
-    std::uint32_t surface_node = 0;
+    std::uint32_t surface_node = 0;  // as in NearNode
+    std::uint32_t surface_end = 0;
+    double along = 0;
     // Locations after an even [0] and an odd [1] step, and the rule's weights.
     std::array<std::ptrdiff_t, 2> leaving;
     std::array<std::ptrdiff_t, 2> second;  // leaves the node the other way
@@ -101,10 +113,11 @@ private:
     double wall = 0;   // mass that the moving wall adds half-way on the link, at density 1
     double place = 1;  // of the wall on the link [fraction]
   };
+  [[nodiscard]] Force force_of(std::size_t closing) const;
   void find_edges(const Surface& surface);
   void find_near_nodes(const Surface& surface, const Cells& cells);
   void find_near_segments(const Surface& surface);
-  void see(const Segment& s, int x, int y, const Surface& surface, const Cells& cells);
+  void see(std::uint32_t segment, int x, int y, const Surface& surface, const Cells& cells);
   [[nodiscard]] const NearNode* find(const Grid& grid, int x, int y) const;
   [[nodiscard]] Chord chord_of(const NearNode& from, int direction) const;
   void add(const NearNode& from, const NearNode& to, int direction, const Cells& cells,
@@ -113,7 +126,9 @@ private:
   bool everywhere_ = false;
   std::vector<Edge> edges_;
   std::vector<Segment> near_segments_;  // that a link near an edge may meet
+  std::vector<Segment> near_insets_;    // the same, moved into the solid by `surface_inset`
   std::vector<NearNode> near_nodes_;
+  std::vector<Seen> seen_;
   std::vector<std::int32_t> near_node_of_;  // per node, -1 without; empty until there is an edge
   std::vector<Closing> closings_;
   std::vector<double> open_values_;    // what `close` replaced

@@ -300,6 +300,11 @@ Force Flow::wet_force() const {
   return wet_links_.force(populations_) + wet_edges_.force();
 }
 
+void Flow::add_wet_node_forces(double weight, std::vector<double>& force) const {
+  wet_links_.add_node_forces(populations_, weight, force);
+  wet_edges_.add_node_forces(weight, force);
+}
+
 Force Flow::obstacle_force() const {
   if (outline_rule_) {
     const BodyLoad load = outline_links_.load(populations_, populations_.parity());

@@ -129,6 +129,8 @@ public:
   }
   /// Momentum exchange on the surfaces, after `apply_boundaries`.
   [[nodiscard]] Force wet_force() const;
+  /// Adds `weight` times the force on the wet surface at its nodes, two components each.
+  void add_wet_node_forces(double weight, std::vector<double>& force) const;
   [[nodiscard]] Force obstacle_force() const;
   /// On the outlines and the solid nodes of one body; torque about node (0, 0, 0).
   [[nodiscard]] BodyLoad obstacle_load(std::uint32_t body) const;

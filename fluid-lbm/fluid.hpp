@@ -49,8 +49,11 @@ private:
   double advance_steady(const Window& window, const Motion& end, ProgressBoard& progress);
   void run(std::size_t steps);
   void evaluate_fields();
-  // Loads on the wet nodes now; completed to the force `total` when the scene asks for it.
-  void evaluate_loads(const Force& total);
+  // Loads on the wet nodes now; completed to `exchanged_` when the scene asks for it.
+  void evaluate_loads();
+  // Adds the momentum exchange of the wet surface now, with a weight, to `exchanged_`.
+  void add_exchanged(double weight);
+  void restart_exchanged();
   double load_change();
   void check_state();
   void check_progress(ProgressBoard& progress, double fraction, const std::string& note);
@@ -82,6 +85,12 @@ private:
   bool fields_current_ = false;
   std::vector<double> pressure_;  // lattice units
   std::vector<double> traction_;
+  // On the wet surface by momentum exchange, as far as the scene asks for it: now, or the mean over a window.
+  struct Exchanged {
+    Force total;
+    std::vector<double> nodes;  // force on each
+  };
+  Exchanged exchanged_;
   std::vector<double> previous_x_;  // steady mode: velocities and loads at the last check
   std::vector<double> previous_y_;
   std::vector<double> previous_z_;

@@ -74,7 +74,9 @@ void Fluid::load(const std::filesystem::path& file) {
   fields_current_ = false;
   steps_checked_ = steps_;
   flow_->apply_boundaries();
-  evaluate_loads(flow_->wet_force());
+  restart_exchanged();
+  add_exchanged(1.0);
+  evaluate_loads();
 }
 
 }  // namespace estuary::fluid

@@ -72,7 +72,9 @@ struct FluidScene {
   GrainMethod grain_method = GrainMethod::partially_saturated;
   WallRule grain_rule = WallRule::linear;
   bool viscous_traction = true;
-  bool match_force = false;  // complete the loads to the force by momentum exchange
+  bool match_force = false;       // complete the loads to the force by momentum exchange
+  bool close_everywhere = false;  // links of the wet surface close gradually, not at edges alone
+  bool exchange_loads = false;    // loads are the links' momentum exchange, node by node
   bool has_solid = false;
   bool has_grains = false;
   bool has_partner = false;      // the scene has other participants

@@ -47,7 +47,7 @@ void Fluid::advance_transient(const Window& window, const Motion& end, ProgressB
                        std::all_of(end.velocity.begin(), end.velocity.end(), [](double v) { return v == 0; });
   const bool all_fixed = resting && sides_constant_ && grains_.resting() && bodies_->fixed();
   auto reported = Clock::now();
-  Force total;  // on the wet surface, over the steps
+  restart_exchanged();
   for (std::size_t done = 0; done < steps;) {
     const std::size_t count = all_fixed ? std::min(steps - done, steps_at_once()) : 1;
     run(count);
@@ -57,10 +57,7 @@ void Fluid::advance_transient(const Window& window, const Motion& end, ProgressB
     const double time = done == steps ? end_time_ : window.time + window.duration * fraction;
     if (!all_fixed) place_bodies(time, done == steps ? 1.0 : fraction, true);
     set_time(time);
-    if (scene_.match_force && flow_->wet_surface()) {
-      flow_->apply_boundaries();
-      total = total + static_cast<double>(count) / rounded * flow_->wet_force();
-    }
+    add_exchanged(static_cast<double>(count) / rounded);
     if (Clock::now() - reported > std::chrono::milliseconds(100)) {
       check_progress(progress, fraction, fmt::format("step {} of {}", done, steps));
       check_state();
@@ -71,7 +68,7 @@ void Fluid::advance_transient(const Window& window, const Motion& end, ProgressB
   const bool last = scene_.end_time > 0 && end_time_ > scene_.end_time - 0.5 * scene_.units.time_step;
   if (last || steps_ - steps_checked_ >= steps_between_looks) check_state();
   flow_->apply_boundaries();
-  evaluate_loads(total);
+  evaluate_loads();
 }
 
 double Fluid::advance_steady(const Window& window, const Motion& end, ProgressBoard& progress) {
@@ -82,7 +79,9 @@ double Fluid::advance_steady(const Window& window, const Motion& end, ProgressBo
   evaluate_fields();
   update_velocities(fields_, flow_->cells(), previous_x_, previous_y_, previous_z_);
   previous_load_.clear();
-  evaluate_loads(flow_->wet_force());
+  restart_exchanged();
+  add_exchanged(1.0);
+  evaluate_loads();
   load_change();
   RemainingChange of_flow;
   RemainingChange of_load;
@@ -98,7 +97,9 @@ double Fluid::advance_steady(const Window& window, const Motion& end, ProgressBo
       check_progress(progress, -1, {});
     }
     check_state();
-    evaluate_loads(flow_->wet_force());
+    restart_exchanged();
+    add_exchanged(1.0);
+    evaluate_loads();
     const VelocityChange change =
         update_velocities(fields_, flow_->cells(), previous_x_, previous_y_, previous_z_);
     of_flow.add(relative(change.change, change.norm));

@@ -20,9 +20,9 @@ void Fluid::take_surface(const v1::Exchange& initial) {
   surface_ = initial.wet_surface();
   if (surface_.dimension() != 2)
     throw BadInput("initial.wet_surface.dimension", "this fluid works in two dimensions");
-  flow_->set_wet_surface(
-      node_count(surface_), {surface_.connectivity().begin(), surface_.connectivity().end()},
-      scene_.mode == Mode::steady ? EdgeLinks::Extent::everywhere : EdgeLinks::Extent::edges);
+  flow_->set_wet_surface(node_count(surface_),
+                         {surface_.connectivity().begin(), surface_.connectivity().end()},
+                         scene_.close_everywhere ? EdgeLinks::Extent::everywhere : EdgeLinks::Extent::edges);
   accepted_.displacement.assign(static_cast<std::size_t>(surface_.reference_positions_size()), 0.0);
   accepted_.velocity = accepted_.displacement;
   if (initial.has_displacements()) accepted_ = motion_of(initial);
@@ -96,7 +96,19 @@ void Fluid::give_back(const Flow::State& state) {
   wet_load_stale_ = true;
 }
 
-void Fluid::evaluate_loads(const Force& total) {
+void Fluid::restart_exchanged() {
+  exchanged_.total = {};
+  if (scene_.exchange_loads) exchanged_.nodes.assign(accepted_.displacement.size(), 0.0);
+}
+
+void Fluid::add_exchanged(double weight) {
+  if (!flow_->wet_surface() || !(scene_.match_force || scene_.exchange_loads)) return;
+  flow_->apply_boundaries();
+  if (scene_.match_force) exchanged_.total = exchanged_.total + weight * flow_->wet_force();
+  if (scene_.exchange_loads) flow_->add_wet_node_forces(weight, exchanged_.nodes);
+}
+
+void Fluid::evaluate_loads() {
   if (!flow_->wet_surface()) return;
   const Stopwatch stopwatch(seconds_.fields_and_loads);
   if (wet_load_stale_) {
@@ -105,9 +117,11 @@ void Fluid::evaluate_loads(const Force& total) {
   }
   wet_load_.evaluate(flow_->populations(), scene_.flow.equilibrium, scene_.flow.rates, pressure_,
                      scene_.viscous_traction ? &traction_ : nullptr);
+  if (scene_.exchange_loads) match_nodes(*flow_->wet_surface(), exchanged_.nodes, pressure_, traction_);
   if (scene_.match_force) {
     const Grid& grid = flow_->grid();
-    match_total(*flow_->wet_surface(), total, !grid.periodic_x && !grid.periodic_y, pressure_, traction_);
+    match_total(*flow_->wet_surface(), exchanged_.total, !grid.periodic_x && !grid.periodic_y, pressure_,
+                traction_);
   }
 }
 

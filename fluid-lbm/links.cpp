@@ -117,18 +117,20 @@ void Links::add(const Candidate& candidate, int i, const Surface& surface, const
   const auto& c = D2Q9::velocity[direction];
   const int o = D2Q9::opposite[direction];
   Cut cut = candidate.cuts[direction];
-  Place place{candidate.node, i, cut.q, 0, 0, 0};
+  Place place{candidate.node, i, cut.q, 0, 0, 0, 0, 0};
   if (cut.q > 1) {
     ++counts_.unresolved;
     place.q = 0.5;
     const auto near = surface.nearest(candidate.node.x + 0.5 * c[0], candidate.node.y + 0.5 * c[1]);
     place.velocity_x = near.velocity_x;
     place.velocity_y = near.velocity_y;
-    place.surface_node = near.node;
+    place.surface_node = place.surface_end = near.node;
   } else {
     const Segment& s = surface.segments()[cut.segment];
     const auto& v = surface.velocities();
     place.surface_node = s.a;
+    place.surface_end = s.b;
+    place.along = cut.along;
     place.velocity_x = (1 - cut.along) * v[2 * s.a] + cut.along * v[2 * s.b];
     place.velocity_y = (1 - cut.along) * v[2 * s.a + 1] + cut.along * v[2 * s.b + 1];
   }
@@ -188,23 +190,36 @@ void Links::reflect(Populations& populations, Parity parity, bool compressible) 
   }
 }
 
+Force Links::force_of(std::size_t link, const Populations& populations) const {
+  const std::size_t k = index_of(populations.parity());
+  const Place& place = places_[link];
+  const auto& c = D2Q9::velocity[static_cast<std::size_t>(place.direction)];
+  const double leaving = populations[rules_[link].leaving[k]];
+  const double incoming = populations[rules_[link].incoming[k]];
+  const double fx = leaving * (c[0] - place.velocity_x) - incoming * (-c[0] - place.velocity_x);
+  const double fy = leaving * (c[1] - place.velocity_y) - incoming * (-c[1] - place.velocity_y);
+  return {fx, fy, (place.node.x + place.q * c[0]) * fy - (place.node.y + place.q * c[1]) * fx};
+}
+
 Force Links::force(const Populations& populations, std::span<const std::uint32_t> bodies,
                    std::uint32_t body) const {
-  const std::size_t k = index_of(populations.parity());
   Force total;
   for (std::size_t n = 0; n < rules_.size(); ++n) {
-    const Place& place = places_[n];
-    if (!bodies.empty() && bodies[place.surface_node] != body) continue;
-    const auto& c = D2Q9::velocity[static_cast<std::size_t>(place.direction)];
-    const double leaving = populations[rules_[n].leaving[k]];
-    const double incoming = populations[rules_[n].incoming[k]];
-    const double fx = leaving * (c[0] - place.velocity_x) - incoming * (-c[0] - place.velocity_x);
-    const double fy = leaving * (c[1] - place.velocity_y) - incoming * (-c[1] - place.velocity_y);
-    total.x += fx;
-    total.y += fy;
-    total.moment += (place.node.x + place.q * c[0]) * fy - (place.node.y + place.q * c[1]) * fx;
+    if (!bodies.empty() && bodies[places_[n].surface_node] != body) continue;
+    total = total + force_of(n, populations);
   }
   return total;
+}
+
+void Links::add_node_forces(const Populations& populations, double weight, std::vector<double>& force) const {
+  for (std::size_t n = 0; n < rules_.size(); ++n) {
+    const Force one = weight * force_of(n, populations);
+    const Place& place = places_[n];
+    force[2 * place.surface_node] += (1 - place.along) * one.x;
+    force[2 * place.surface_node + 1] += (1 - place.along) * one.y;
+    force[2 * place.surface_end] += place.along * one.x;
+    force[2 * place.surface_end + 1] += place.along * one.y;
+  }
 }
 
 }  // namespace estuary::fluid

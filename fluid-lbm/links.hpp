@@ -62,6 +62,9 @@ public:
   /// node of the surface, on one of them.
   [[nodiscard]] Force force(const Populations& populations, std::span<const std::uint32_t> bodies = {},
                             std::uint32_t body = 0) const;
+  /// Adds `weight` times the same force to the nodes of the surface, two components each: every link's to
+  /// both ends of the segment that it meets, so that the moment stays.
+  void add_node_forces(const Populations& populations, double weight, std::vector<double>& force) const;
   [[nodiscard]] const LinkCounts& counts() const { return counts_; }
 
   struct Place {
@@ -70,11 +73,14 @@ public:
     double q = 0.5;
     double velocity_x = 0;  // of the wall [lattice units]
     double velocity_y = 0;
-    std::uint32_t surface_node = 0;  // of the segment that is cut
+    std::uint32_t surface_node = 0;  // first node of the segment that is cut
+    std::uint32_t surface_end = 0;   // its last one
+    double along = 0;                // where it is cut, 0 at the first node
   };
   [[nodiscard]] const std::vector<Place>& places() const { return places_; }
 
 private:
+  [[nodiscard]] Force force_of(std::size_t link, const Populations& populations) const;
   // What the rule needs, ready to use after an even [0] and an odd [1] step.
   struct Rule {
     std::array<std::ptrdiff_t, 2> leaving;

@@ -114,10 +114,21 @@ void read_model(SceneTable& fluid, int dimension, FluidScene& result, Plan& plan
   if (result.has_solid && dimension == 3) {
     fluid.problem("size", "a solid's wet surface is known in two dimensions only");
   }
-  result.match_force =
-      fluid.boolean_or("match_force", result.viscous_traction && result.mode == Mode::steady);
+  static constexpr std::array closings{"edges"sv, "everywhere"sv};
+  result.close_everywhere = fluid.has("gradual_links")
+                                ? fluid.choice("gradual_links", closings) == "everywhere"
+                                : result.mode == Mode::steady;
+  static constexpr std::array loads{"fitted"sv, "momentum-exchange"sv};
+  result.exchange_loads = fluid.choice("loads", loads) == "momentum-exchange";
+  result.match_force = fluid.boolean_or(
+      "match_force", result.viscous_traction && result.mode == Mode::steady && !result.exchange_loads);
   if (result.match_force && !result.viscous_traction)
     fluid.problem("match_force", "the load can be matched to the total force only with viscous_traction");
+  if (result.exchange_loads && result.match_force)
+    fluid.problem("match_force", "loads by momentum exchange have the total force already");
+  if (result.exchange_loads && !result.viscous_traction)
+    fluid.problem("loads",
+                  "momentum exchange does not tell pressure from viscous traction: set viscous_traction");
   if (varies && result.has_grains && result.grain_method == GrainMethod::partially_saturated) {
     plan.warnings.emplace_back(
         "partially saturated cells weigh with the constant viscosity where the viscosity varies");

@@ -95,6 +95,13 @@ void Surface::place(std::span<const double> positions, std::span<const double> v
   }
 }
 
+bool Surface::closes_a_line(const Segment& segment) const {
+  for (std::size_t e = 0; e + 1 < open_ends_.size(); e += 2) {
+    if (open_ends_[e] == segment.a && open_ends_[e + 1] == segment.b) return true;
+  }
+  return false;
+}
+
 const std::vector<Segment>& Surface::inset_segments(double distance) {
   find_normals(normals_);
   inset_.assign(segments_.begin(), segments_.end());

@@ -43,6 +43,8 @@ public:
   [[nodiscard]] std::size_t node_count() const { return nodes_; }
   /// All segments near the grid, images beyond periodic sides and closing segments included.
   [[nodiscard]] const std::vector<Segment>& segments() const { return segments_; }
+  /// Whether it is one that closes an open line.
+  [[nodiscard]] bool closes_a_line(const Segment& segment) const;
   /// In lattice coordinates and lattice units, two components per node.
   [[nodiscard]] const std::vector<double>& positions() const { return positions_; }
   [[nodiscard]] const std::vector<double>& velocities() const { return velocities_; }

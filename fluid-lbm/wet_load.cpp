@@ -247,4 +247,33 @@ void match_total(const Surface& surface, const Force& force, bool match_moment,
   }
 }
 
+void match_nodes(const Surface& surface, const std::vector<double>& node_forces,
+                 const std::vector<double>& pressure, std::vector<double>& traction) {
+  const auto& x = surface.positions();
+  const auto& connectivity = surface.connectivity();
+  std::vector<double> length(surface.node_count(), 0.0);
+  traction = node_forces;
+  for (std::size_t s = 0; s + 1 < connectivity.size(); s += 2) {
+    const std::size_t a = connectivity[s];
+    const std::size_t b = connectivity[s + 1];
+    const double tx = x[2 * b] - x[2 * a];
+    const double ty = x[2 * b + 1] - x[2 * a + 1];
+    const double half = 0.5 * std::hypot(tx, ty);
+    const double at_a = (2 * pressure[a] + pressure[b]) / 6;
+    const double at_b = (pressure[a] + 2 * pressure[b]) / 6;
+    length[a] += half;
+    length[b] += half;
+    // The pressure's own share acts against the normal (-ty, tx).
+    traction[2 * a] -= at_a * ty;
+    traction[2 * a + 1] += at_a * tx;
+    traction[2 * b] -= at_b * ty;
+    traction[2 * b + 1] += at_b * tx;
+  }
+  for (std::size_t n = 0; n < surface.node_count(); ++n) {
+    const double inverse = length[n] > 0 ? 1 / length[n] : 0.0;
+    traction[2 * n] *= inverse;
+    traction[2 * n + 1] *= inverse;
+  }
+}
+
 }  // namespace estuary::fluid

@@ -68,4 +68,10 @@ private:
 void match_total(const Surface& surface, const Force& force, bool match_moment,
                  const std::vector<double>& pressure, std::vector<double>& traction);
 
+/// Completes `traction` at every node so that the consistent load of piecewise linear pressure and traction
+/// has the sum and, but for the ends and corners of a line, the moment of `node_forces`: what a node lacks is
+/// divided by the length of surface that belongs to it.
+void match_nodes(const Surface& surface, const std::vector<double>& node_forces,
+                 const std::vector<double>& pressure, std::vector<double>& traction);
+
 }  // namespace estuary::fluid

@@ -14,8 +14,9 @@ std::string list_of_sides() {
   return "\"left\", \"top\", \"right\" or \"bottom\"";
 }
 
-// `body`, and one of `side`, `line` and `region`; none of them means the whole contour (body, for a hold).
-Place read_place(SceneTable& table, const SolidScene& scene) {
+// `body`, and one of `side`, `line` and `region`; none of them means the whole contour (body, for a hold). A
+// region of a hold may be that of every body.
+Place read_place(SceneTable& table, const SolidScene& scene, bool of_every_body = false) {
   Place place;
   if (table.has("body")) {
     const std::string name = table.text("body");
@@ -25,6 +26,8 @@ Place read_place(SceneTable& table, const SolidScene& scene) {
       table.problem("body", "no [[solid.body]] has the name \"" + name + "\"");
     else
       place.body = static_cast<std::size_t>(found - scene.bodies.begin());
+  } else if (scene.bodies.size() > 1 && of_every_body && table.has("region")) {
+    place.every_body = true;
   } else if (scene.bodies.size() > 1) {
     table.problem("", "which `body`? There are several");
   }
@@ -66,7 +69,7 @@ bool outlined(const SolidScene& scene, const Place& place) {
 void read_holds(SceneTable& solid, SolidScene& result) {
   for (SceneTable& table : solid.tables("hold")) {
     HoldScene hold;
-    hold.place = read_place(table, result);
+    hold.place = read_place(table, result, true);
     if (result.bodies[hold.place.body].rigid)
       table.problem("", "is of deformable bodies; a rigid one has `held` and `motion`");
     if (!hold.place.region && !outlined(result, hold.place))
@@ -218,11 +221,12 @@ void read_conditions(SceneTable& solid, SolidScene& result) {
   }
   if (solid.has("window_load") && result.mode == Mode::steady)
     solid.problem("window_load", "has a meaning in transient mode only");
-  constexpr std::array<std::string_view, 3> window_loads{"mean", "linear", "received"};
+  constexpr std::array<std::string_view, 4> window_loads{"mean", "linear", "quadratic", "received"};
   const std::string window_load = solid.choice("window_load", window_loads);
-  result.window_load = window_load == "linear"     ? WindowLoad::linear
-                       : window_load == "received" ? WindowLoad::received
-                                                   : WindowLoad::mean;
+  result.window_load = window_load == "linear"      ? WindowLoad::linear
+                       : window_load == "quadratic" ? WindowLoad::quadratic
+                       : window_load == "received"  ? WindowLoad::received
+                                                    : WindowLoad::mean;
   if (solid.has("gravity")) {
     const auto gravity = solid.numbers("gravity", 2);
     if (gravity.size() == 2) result.gravity = {gravity[0], gravity[1]};

@@ -28,8 +28,7 @@ void ExternalForces::set(double fraction, double time, std::span<const double> d
     const double factor = load.factor ? load.factor(time) : 1.0;
     for (std::size_t k = 0; k < load.particle.size(); ++k)
       for (std::size_t c = 0; c < 2; ++c)
-        force_[2 * place_[load.particle[k]] + c] +=
-            factor * (load.start[2 * k + c] + fraction * (load.end[2 * k + c] - load.start[2 * k + c]));
+        force_[2 * place_[load.particle[k]] + c] += factor * load.at(2 * k + c, fraction);
   }
   for (const TractionLoad& load : loading_.tractions)
     for (const auto& [a, b] : load.segment) {

@@ -13,11 +13,17 @@
 
 namespace estuary::solid {
 
-/// Forces on some particles, changing linearly over a window and scaled by a factor of time.
+/// Forces on some particles, scaled by a factor of time: at the share s of a window they are
+/// start + s (end - start) + s (s - 1) bend.
 struct ParticleLoad {
   std::vector<std::uint32_t> particle;
   std::vector<double> start, end;        // [N/m], 2 per listed particle
+  std::vector<double> bend;              // the same; empty when they change linearly
   std::function<double(double)> factor;  // of the time [s]; empty means 1
+  [[nodiscard]] double at(std::size_t c, double s) const {
+    const double linear = start[c] + s * (end[c] - start[c]);
+    return bend.empty() ? linear : linear + s * (s - 1) * bend[c];
+  }
 };
 
 /// Force per reference length of a contour, constant in direction when the contour turns.

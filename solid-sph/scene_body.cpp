@@ -109,7 +109,7 @@ public:
     }
   }
   [[nodiscard]] bool holds(std::size_t i) const {
-    if (body_.member[i] != place_.body || i >= body_.particles()) return false;
+    if ((!place_.every_body && body_.member[i] != place_.body) || i >= body_.particles()) return false;
     const double x = body_.position[2 * i], y = body_.position[2 * i + 1];
     if (place_.stretch) {
       const auto [x0, y0, x1, y1] = *place_.stretch;

@@ -117,6 +117,7 @@ void Solid::build_surface() {
   surface_.set_identity(identity_of(surface_));
   forces_.assign(wet_nodes_.size(), 0.0);
   accepted_forces_ = forces_;
+  earlier_forces_.clear();
 }
 
 v1::Exchange Solid::start(const v1::Exchange&, const std::filesystem::path& folder) {
@@ -162,7 +163,7 @@ void Solid::fill_displacements(v1::Displacements& field) const {
   interpolate(transfer_, state_.velocity, {field.mutable_velocity()->mutable_data(), n});
 }
 
-void Solid::take_forces(const v1::Exchange& inputs) {
+void Solid::take_forces(const Window& window, const v1::Exchange& inputs) {
   if (wet_nodes_.empty()) {
     if (inputs.has_forces())
       throw BadInput("inputs.forces", "forces were sent, but this solid has no wet side");
@@ -183,16 +184,25 @@ void Solid::take_forces(const v1::Exchange& inputs) {
   // a load that changes linearly, but on a body much softer than what pushes it (a closed fluid layer) it is
   // the method of constant average acceleration, stable for any window, where the ramp is that of linear
   // acceleration, which is not. A partner that sends the mean of its own window wants it unchanged.
-  std::vector<double> start = forces_, end = forces_;
-  if (scene_.mode == Mode::transient && scene_.window_load != WindowLoad::received)
+  duration_ = window.duration;
+  std::vector<double> start = forces_, end = forces_, bend;
+  if (scene_.mode == Mode::transient && scene_.window_load != WindowLoad::received) {
+    const bool mean = scene_.window_load == WindowLoad::mean;
     for (std::size_t k = 0; k < end.size(); ++k) {
-      const bool linear = scene_.window_load == WindowLoad::linear;
-      start[k] = linear ? accepted_forces_[k] : 0.5 * (accepted_forces_[k] + forces_[k]);
-      if (!linear) end[k] = start[k];
+      start[k] = mean ? 0.5 * (accepted_forces_[k] + forces_[k]) : accepted_forces_[k];
+      if (mean) end[k] = start[k];
     }
+  }
+  if (scene_.window_load == WindowLoad::quadratic && !earlier_forces_.empty()) {
+    const double r = earlier_duration_ / duration_;
+    for (std::size_t k = 0; k < end.size(); ++k)
+      bend.push_back((earlier_forces_[k] - start[k] + r * (end[k] - start[k])) / (r * (r + 1)));
+  }
   ParticleLoad& wet = loading_.loads.back();
   spread(transfer_, start, wet.start);
   spread(transfer_, end, wet.end);
+  wet.bend.clear();
+  if (!bend.empty()) spread(transfer_, bend, wet.bend);
 }
 
 std::uint64_t Solid::steps_for(double duration) {
@@ -229,12 +239,15 @@ void Solid::integrate(const Window& window, const Monitor& monitor) {
     const double duration = (window.duration - done) / stretches;
     const std::uint64_t steps =
         (all + static_cast<std::uint64_t>(stretches) - 1) / static_cast<std::uint64_t>(stretches);
-    for (std::size_t l = 0; l < loading_.loads.size(); ++l)
+    const double part = duration / window.duration;
+    for (std::size_t l = 0; l < loading_.loads.size(); ++l) {
       for (std::size_t c = 0; c < loading_.loads[l].start.size(); ++c) {
-        const double start = whole.loads[l].start[c], change = whole.loads[l].end[c] - start;
-        loading_.loads[l].start[c] = start + change * (done / window.duration);
-        loading_.loads[l].end[c] = start + change * ((done + duration) / window.duration);
+        loading_.loads[l].start[c] = whole.loads[l].at(c, done / window.duration);
+        loading_.loads[l].end[c] = whole.loads[l].at(c, (done + duration) / window.duration);
       }
+      for (std::size_t c = 0; c < loading_.loads[l].bend.size(); ++c)
+        loading_.loads[l].bend[c] = part * part * whole.loads[l].bend[c];
+    }
     work_.steps += steps;
     work_.updates += static_cast<double>(steps) * static_cast<double>(body_.particles());
     solver_->advance(state_, loading_, duration, steps, scene_.damping,
@@ -247,6 +260,7 @@ void Solid::integrate(const Window& window, const Monitor& monitor) {
   for (std::size_t l = 0; l < loading_.loads.size(); ++l) {
     loading_.loads[l].start = whole.loads[l].start;
     loading_.loads[l].end = whole.loads[l].end;
+    loading_.loads[l].bend = whole.loads[l].bend;
   }
 }
 
@@ -346,7 +360,7 @@ AdvanceResult Solid::advance(const Window& window, const v1::Exchange& inputs, P
   if (window.mode != scene_.mode)
     throw BadInput("advance.mode", "the scene this solid was configured for has the other coupling mode");
   auto begin = Clock::now();
-  take_forces(inputs);
+  take_forces(window, inputs);
   transfer_seconds_ += seconds_since(begin);
   const Monitor monitor = [&](double fraction, const std::string& note) {
     progress.report(fraction, note);
@@ -582,6 +596,8 @@ std::vector<WatchValues> Solid::watch_values(double time) {
 
 void Solid::accept() {
   accepted_ = state_;
+  if (scene_.window_load == WindowLoad::quadratic) earlier_forces_ = std::move(accepted_forces_);
+  earlier_duration_ = duration_;
   accepted_forces_ = forces_;
 }
 

@@ -38,7 +38,7 @@ private:
 
   void build();
   void build_surface();
-  void take_forces(const v1::Exchange& inputs);
+  void take_forces(const Window& window, const v1::Exchange& inputs);
   void integrate(const Window& window, const Monitor& monitor);
   double find_equilibrium(const Window& window, const Monitor& monitor);
   [[nodiscard]] std::vector<std::pair<std::string, double>> body_quantities(std::size_t member) const;
@@ -72,6 +72,8 @@ private:
   std::vector<PointWatch> watches_;
   State state_, accepted_;
   std::vector<double> forces_, accepted_forces_;  // on the wet nodes
+  std::vector<double> earlier_forces_;            // at the start of the window before; empty in the first
+  double duration_ = 0, earlier_duration_ = 0;    // of the window and of that before [s]
   Work work_;
   double step_seconds_ = 0, transfer_seconds_ = 0;
   std::unique_ptr<FieldSeries> particle_series_, surface_series_;

@@ -105,6 +105,11 @@ void Solid::save(const std::filesystem::path& file) {
   writer.add("numbers", numbers);
   if (!accepted_.rigid.empty()) writer.add("rigid", accepted_.rigid);
   if (!wet_nodes_.empty()) writer.add("forces", accepted_forces_);
+  if (!wet_nodes_.empty() && scene_.window_load == WindowLoad::quadratic) {
+    // No duration: there is no window before.
+    writer.add("earlier_forces", earlier_forces_.empty() ? accepted_forces_ : earlier_forces_);
+    writer.add("earlier_duration", std::array<double, 1>{earlier_forces_.empty() ? 0.0 : earlier_duration_});
+  }
   writer.commit();
 }
 
@@ -127,8 +132,16 @@ void Solid::load(const std::filesystem::path& file) {
   loaded.viscous_work = numbers[2];
   std::vector<double> forces(accepted_forces_.size());
   if (!wet_nodes_.empty()) reader.read("forces", forces);
+  std::vector<double> earlier_forces;
+  std::array<double, 1> earlier_duration{};
+  if (!wet_nodes_.empty() && scene_.window_load == WindowLoad::quadratic) {
+    earlier_forces.resize(forces.size());
+    reader.read("earlier_forces", earlier_forces);
+    reader.read("earlier_duration", earlier_duration);
+    if (!(earlier_duration[0] > 0)) earlier_forces.clear();
+  }
   for (const std::vector<double>* values :
-       {&loaded.displacement, &loaded.velocity, &loaded.history, &loaded.rigid, &forces})
+       {&loaded.displacement, &loaded.velocity, &loaded.history, &loaded.rigid, &forces, &earlier_forces})
     for (const double value : *values)
       if (!std::isfinite(value))
         throw std::runtime_error(file.string() + " holds a value that is not finite");
@@ -137,6 +150,8 @@ void Solid::load(const std::filesystem::path& file) {
   loaded.contact_time = numbers[4];
   accepted_ = loaded;
   state_ = std::move(loaded);
+  earlier_forces_ = std::move(earlier_forces);
+  earlier_duration_ = earlier_duration[0];
   accepted_forces_ = forces;
   forces_ = std::move(forces);
 }

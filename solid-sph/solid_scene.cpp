@@ -237,8 +237,9 @@ SolidScene read_solid_scene(Scene& scene, const std::string& role) {
       if (result.bodies[k].rigid) continue;
       const auto& clamped = result.bodies[k].box.clamped;
       const bool held = std::find(clamped.begin(), clamped.end(), true) != clamped.end() ||
-                        std::any_of(result.holds.begin(), result.holds.end(),
-                                    [&](const HoldScene& hold) { return hold.place.body == k; });
+                        std::any_of(result.holds.begin(), result.holds.end(), [&](const HoldScene& hold) {
+                          return hold.place.every_body || hold.place.body == k;
+                        });
       if (!held)
         solid.problem(
             "clamped",

@@ -66,6 +66,7 @@ struct BodyScene {
 /// Which particles or which stretch of the contour a condition is about.
 struct Place {
   std::size_t body = 0;
+  bool every_body = false;                       // a region of a hold that names no body
   std::optional<Side> side;                      // of a box
   std::optional<std::array<double, 4>> stretch;  // the straight line from x0, y0 to x1, y1
   std::optional<std::array<double, 4>> region;   // the rectangle from x0, y0 to x1, y1
@@ -97,9 +98,10 @@ enum class SteadyMethod { newton, relaxation };
 
 /// How the forces received on the wet surface act through a time window.
 enum class WindowLoad {
-  mean,     // the mean of the values at the window's start and end, constant
-  linear,   // from the value at the start to that at the end
-  received  // the value received, constant: for a partner that sends window means
+  mean,       // the mean of the values at the window's start and end, constant
+  linear,     // from the value at the start to that at the end
+  quadratic,  // through the value at the start of the window before as well; linear in the first
+  received    // the value received, constant: for a partner that sends window means
 };
 
 struct SolidScene {
