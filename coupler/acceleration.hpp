@@ -6,6 +6,8 @@
 #include <span>
 #include <vector>
 
+#include "state_numbers.hpp"
+
 namespace estuary::coupler {
 
 enum class AccelerationKind { none, constant, aitken, iqn_ils, iqn_imvj };
@@ -33,6 +35,9 @@ public:
   virtual void forget() = 0;
   /// The factor applied to the last residual, for the log.
   [[nodiscard]] virtual double relaxation() const = 0;
+  /// What was learnt, between two windows, so that an object of the same settings goes on bit for bit.
+  virtual void save(StateWriter& state) const = 0;
+  virtual void load(StateReader& state) = 0;
 };
 
 /// x <- x + factor r.
@@ -45,6 +50,8 @@ public:
   void update(std::span<const double> residual, std::span<double> iterate) override;
   void forget() override {}
   [[nodiscard]] double relaxation() const override { return omega_; }
+  void save(StateWriter& /*state*/) const override {}
+  void load(StateReader& /*state*/) override {}
 
 private:
   double omega_;
@@ -62,6 +69,8 @@ public:
   void begin_window() override;
   void forget() override;
   [[nodiscard]] double relaxation() const override { return omega_; }
+  void save(StateWriter& state) const override { state.number(omega_); }
+  void load(StateReader& state) override { omega_ = state.number(); }
 
 private:
   double initial_;

@@ -142,4 +142,18 @@ void Convergence::accept(const IterationNorms& norms) {
   largest_force_ = std::max(largest_force_, norms.force);
 }
 
+void Convergence::save(StateWriter& state) const {
+  state.number(largest_velocity_);
+  state.number(largest_force_);
+  state.number(last_mismatch_);
+  state.count(static_cast<std::size_t>(mismatches_));
+}
+
+void Convergence::load(StateReader& state) {
+  largest_velocity_ = state.number();
+  largest_force_ = state.number();
+  last_mismatch_ = state.number();
+  mismatches_ = static_cast<int>(state.count());
+}
+
 }  // namespace estuary::coupler

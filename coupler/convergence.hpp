@@ -6,6 +6,7 @@
 #include <vector>
 
 #include "coupling_scene.hpp"
+#include "state_numbers.hpp"
 
 namespace estuary::coupler {
 
@@ -42,6 +43,10 @@ public:
   /// The measure that is furthest from its limit at the last iteration, for people: "relative increment of
   /// the velocity 1.3e-03, limit 1e-05".
   [[nodiscard]] std::string furthest() const;
+
+  /// What later windows are compared with.
+  void save(StateWriter& state) const;
+  void load(StateReader& state);
 
 private:
   struct Norm {

@@ -37,11 +37,13 @@ AccelerationSettings settings_of(const CouplingScene& scene, std::size_t values)
 }  // namespace
 
 CouplingLoop::CouplingLoop(const CouplingScene& scene, Participants& participants, RunRecord& record,
-                           ProgressBar& bar)
+                           ProgressBar& bar, Checkpoints& checkpoints, steady_clock::time_point begun)
     : scene_(scene),
       participants_(participants),
       record_(record),
       bar_(bar),
+      checkpoints_(checkpoints),
+      begun_(begun),
       partners_(scene, participants),
       clock_(scene.window, scene.windows) {}
 
@@ -50,8 +52,10 @@ double CouplingLoop::time_of_window() const {
 }
 
 void CouplingLoop::run() {
-  start();
-  write_frames(0.0);
+  if (position_.window == 0) {
+    write_frames(0.0);
+    if (checkpoints_.start_wanted()) keep();
+  }
   while (!clock_.at_end()) {
     ++position_.window;
     if (participants_.all().size() > 1) {
@@ -59,6 +63,7 @@ void CouplingLoop::run() {
     } else {
       compute_alone();
     }
+    keep_if_due();
   }
   if (!steady() && (scene_.frame_interval == 0 || position_.window % scene_.frame_interval != 0))
     write_frames(time_of_window());
@@ -71,6 +76,91 @@ void CouplingLoop::start() {
   convergence_ = std::make_unique<Convergence>(scene_, displacement_scale(partners_.surface()));
   take_care(Care::normal);
   if (scene_.adaptive_window) clock_.allow_shorter(scene_.smallest_window, partners_.window_granularity());
+}
+
+void CouplingLoop::keep_if_due() {
+  if (clock_.at_end()) return;
+  if (participants_.interrupted()) {
+    const bool kept = checkpoints_.wanted() && keep();
+    throw RunFailure(ExitStatus::interrupted, fmt::format("interrupted after window {}{}", position_.window,
+                                                          kept ? ", which is saved" : ""));
+  }
+  if (checkpoints_.due(position_.window)) keep();
+}
+
+bool CouplingLoop::keep() {
+  // An interrupt lets a checkpoint be completed.
+  constexpr double patience = 600;
+  const double usual = participants_.after_interrupt();
+  participants_.allow_after_interrupt(patience);
+  CouplerState now = state();
+  bool kept = false;
+  try {
+    now.record = record_.position();
+    now.messages_record = participants_.record_positions();
+    kept = checkpoints_.write(participants_, position_, std::move(now));
+  } catch (const RunFailure&) {
+    participants_.allow_after_interrupt(usual);
+    throw;
+  }
+  participants_.allow_after_interrupt(usual);
+  return kept;
+}
+
+CouplerState CouplingLoop::state() const {
+  CouplerState state{.window = position_.window,
+                     .time = clock_.at_end() ? 0 : clock_.span().begin,
+                     .total_iterations = total_iterations_,
+                     .frame = frame_,
+                     .care = static_cast<std::uint64_t>(acceleration_care_),
+                     .history = history_,
+                     .clock = {},
+                     .convergence = {},
+                     .acceleration = {},
+                     .messages = partners_.save(),
+                     .record = {},
+                     .messages_record = {},
+                     .wall_s = seconds_since(begun_)};
+  const auto values_of = [](const auto& object) {
+    StateWriter writer;
+    object.save(writer);
+    return writer.values();
+  };
+  state.clock = values_of(clock_);
+  if (convergence_) state.convergence = values_of(*convergence_);
+  if (acceleration_) state.acceleration = values_of(*acceleration_);
+  return state;
+}
+
+void CouplingLoop::go_to(const CheckpointSet& set) {
+  const CouplerState& state = set.state;
+  const auto take = [](const std::vector<double>& values, auto& object) {
+    StateReader reader(values);
+    object.load(reader);
+    reader.require_end();
+  };
+  const InterfaceState& at = state.history.accepted;
+  if (at.motion.displacement.size() != history_.accepted.motion.displacement.size() ||
+      at.motion.velocity.size() != history_.accepted.motion.velocity.size() ||
+      at.forces.size() != history_.accepted.forces.size())
+    throw std::runtime_error("the checkpoint belongs to another wet surface");
+  if (state.care > static_cast<std::uint64_t>(Care::small_steps))
+    throw std::runtime_error("the checkpoint names a care that there is not");
+  Checkpoints::load(participants_, set);
+  partners_.load(state.messages);
+  take(state.clock, clock_);
+  if (convergence_) take(state.convergence, *convergence_);
+  if (acceleration_) {
+    take_care(static_cast<Care>(state.care));
+    take(state.acceleration, *acceleration_);
+  }
+  history_ = state.history;
+  last_ = history_.accepted;
+  position_ = {.window = state.window, .iteration = 0};
+  total_iterations_ = state.total_iterations;
+  frame_ = state.frame;
+  record_.go_back(state.record);
+  participants_.records_go_back(state.messages_record);
 }
 
 void CouplingLoop::compute_alone() {
@@ -146,7 +236,7 @@ bool CouplingLoop::try_again(const RunFailure& failure) {
 }
 
 void CouplingLoop::take_care(Care care) {
-  care_ = care;
+  care_ = acceleration_care_ = care;
   AccelerationSettings settings = settings_of(scene_, history_.accepted.forces.size());
   if (care == Care::small_steps) {
     settings.relaxation *= small_step;

@@ -15,11 +15,13 @@
 // care before the run is given up (`Care`), and then, where they allow it, with half the length.
 #pragma once
 
+#include <chrono>
 #include <cstdint>
 #include <memory>
 #include <vector>
 
 #include "acceleration.hpp"
+#include "checkpoints.hpp"
 #include "convergence.hpp"
 #include "coupling_scene.hpp"
 #include "failure.hpp"
@@ -33,8 +35,15 @@ namespace estuary::coupler {
 
 class CouplingLoop {
 public:
-  CouplingLoop(const CouplingScene& scene, Participants& participants, RunRecord& record, ProgressBar& bar);
+  /// `begun`: when the run began, had it gone on all the time.
+  CouplingLoop(const CouplingScene& scene, Participants& participants, RunRecord& record, ProgressBar& bar,
+               Checkpoints& checkpoints, std::chrono::steady_clock::time_point begun);
 
+  /// Starts everyone. Throws RunFailure.
+  void start();
+  /// After `start`: everyone goes back to a checkpoint, and the tables with them. Throws std::runtime_error
+  /// when the set cannot be used after all.
+  void go_to(const CheckpointSet& set);
   /// Throws RunFailure when it cannot be carried to the end.
   void run();
 
@@ -44,7 +53,9 @@ private:
   // How carefully a window is iterated.
   enum class Care { normal, without_history, small_steps };
 
-  void start();
+  void keep_if_due();
+  bool keep();
+  [[nodiscard]] CouplerState state() const;
   void compute_window();
   void compute_alone();
   // Tries a failed window again? With more care, then with half the length.
@@ -69,6 +80,8 @@ private:
   Participants& participants_;
   RunRecord& record_;
   ProgressBar& bar_;
+  Checkpoints& checkpoints_;
+  std::chrono::steady_clock::time_point begun_;
   Partners partners_;
   WindowClock clock_;
   std::unique_ptr<Acceleration> acceleration_;
@@ -79,6 +92,7 @@ private:
   Verdict verdict_ = Verdict::go_on;  // of the last iteration
   Position position_;
   Care care_ = Care::normal;
+  Care acceleration_care_ = Care::normal;  // with which the acceleration was made, in this window or before
   std::uint64_t total_iterations_ = 0;
   std::uint64_t frame_ = 0;
 };

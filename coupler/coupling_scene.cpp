@@ -7,6 +7,8 @@
 #include <cmath>
 #include <sstream>
 
+#include "channel.hpp"
+
 namespace estuary::coupler {
 namespace {
 
@@ -34,6 +36,7 @@ void read_participants(SceneTable& root, CouplingScene& result) {
     ParticipantScene participant{.role = std::string(role), .command = {}, .endpoint = {}, .threads = 0};
     if (table->has("connect")) {
       participant.endpoint = table->text("connect");
+      participant.launch = Launch::manual;
       if (table->has("solver")) {
         table->problem("connect",
                        "give either `solver` (a program to launch) or `connect` (a running one), not both");
@@ -51,6 +54,63 @@ void read_participants(SceneTable& root, CouplingScene& result) {
   }
 }
 
+// The value that belongs to the text chosen.
+template <typename Value, std::size_t count>
+Value pick(SceneTable& table, const char* key, const std::array<std::string_view, count>& names,
+           const std::array<Value, count>& values) {
+  const std::string chosen = table.choice(key, names);
+  const auto found = std::find(names.begin(), names.end(), chosen);
+  return found == names.end() ? values.front() : values[static_cast<std::size_t>(found - names.begin())];
+}
+
+void read_host(SceneTable& hosts, ParticipantScene& participant) {
+  auto table = hosts.table_if(participant.role);
+  if (!table) return;
+  constexpr std::array<std::string_view, 4> names = {"local", "ssh", "slurm", "manual"};
+  const Launch launch =
+      pick(*table, "launch", names, std::array{Launch::local, Launch::ssh, Launch::slurm, Launch::manual});
+  const bool connects = participant.launch == Launch::manual;
+  participant.public_key = table->text_or("public_key", "");
+  if (!connects) participant.launch = launch;
+  const bool remote = participant.launch == Launch::ssh || participant.launch == Launch::slurm;
+  if (connects && launch != Launch::local && launch != Launch::manual)
+    table->problem("launch", "the participant's own table says `connect`: it is started by somebody else");
+  if (!connects && launch != Launch::local) participant.endpoint = table->text("address");
+  if (connects && table->has("address"))
+    table->problem("address", "the participant's own table has it already, as `connect`");
+  if (remote) {
+    participant.folder = table->text("folder");
+    participant.host = launch == Launch::ssh ? table->text("host") : table->text_or("host", "");
+    participant.key = table->text_or("key", "");
+    participant.allow = table->text_or("allow", "");
+    if (participant.key.empty() != participant.allow.empty())
+      table->problem("key", "`key` and `allow` belong together: files on that machine");
+    // ssh would take it for an option.
+    if (participant.host.starts_with("-")) table->problem("host", "is no name of a machine");
+  }
+}
+
+void read_hosts(SceneTable& root, CouplingScene& result) {
+  result.insecure = root.boolean_or("insecure", false);
+  auto hosts = root.table_if("hosts");
+  if (hosts) {
+    if (auto coupler = hosts->table_if("coupler")) result.coupler_key = coupler->text("key");
+    for (auto& participant : result.participants) read_host(*hosts, participant);
+    // What is said of a participant that was taken out of the scene has no meaning now.
+    for (const auto role : roles)
+      if (result.find(role) == nullptr) hosts->leave_to_others({role});
+  }
+  for (const auto& participant : result.participants) {
+    if (participant.endpoint.empty() || is_local(participant.endpoint) || result.insecure) continue;
+    if (!result.coupler_key.empty() && !participant.public_key.empty()) continue;
+    root.problem(
+        "",
+        fmt::format("'{0}' serves at {1}, which other machines reach: name key files in `hosts.coupler.key` "
+                    "and `hosts.{0}.public_key` (`coupler keys` makes them), or say `insecure = true`",
+                    participant.role, participant.endpoint));
+  }
+}
+
 void read_windows(SceneTable& coupling, CouplingScene& result) {
   result.window = coupling.number("window", Range::positive());
   result.end_time = coupling.number("end_time", Range::positive());
@@ -65,15 +125,6 @@ void read_windows(SceneTable& coupling, CouplingScene& result) {
         fmt::format("{} s is not a whole number of windows of {} s; the nearest that is: {} s",
                     result.end_time, result.window, std::max(1.0, std::round(count)) * result.window));
   }
-}
-
-// The value that belongs to the text chosen.
-template <typename Value, std::size_t count>
-Value pick(SceneTable& table, const char* key, const std::array<std::string_view, count>& names,
-           const std::array<Value, count>& values) {
-  const std::string chosen = table.choice(key, names);
-  const auto found = std::find(names.begin(), names.end(), chosen);
-  return found == names.end() ? values.front() : values[static_cast<std::size_t>(found - names.begin())];
 }
 
 void read_adaptive_window(SceneTable& coupling, CouplingScene& result) {
@@ -216,6 +267,23 @@ void read_coupling(SceneTable coupling, CouplingScene& result) {
   result.stall_timeout = coupling.number_or("stall_timeout", 300.0, {.minimum = 1.0, .maximum = 1e7});
 }
 
+void read_recovery(SceneTable& root, CouplingScene& result) {
+  auto table = root.table_if("recovery");
+  if (!table) return;
+  RecoveryScene& recovery = result.recovery;
+  if (table->has("every")) {
+    recovery.every = static_cast<std::uint64_t>(table->integer_or("every", 0, 0, 1'000'000'000));
+    if (table->has("every_seconds"))
+      table->problem("every_seconds", "give either `every` (windows) or `every_seconds`, not both");
+    if (*recovery.every > 0 && result.mode == CouplingMode::steady)
+      table->problem("every", "a steady run has one window: it begins again when a participant is lost");
+  }
+  recovery.every_seconds =
+      table->number_or("every_seconds", recovery.every_seconds, {.minimum = 0.0, .maximum = 1e7});
+  recovery.keep = static_cast<int>(table->integer_or("keep", 2, 1, 1000));
+  recovery.relaunches = static_cast<int>(table->integer_or("relaunches", 3, 0, 1000));
+}
+
 void read_watches(SceneTable& root, CouplingScene& result) {
   for (auto& table : root.tables("watch")) {
     WatchScene watch;
@@ -315,6 +383,7 @@ CouplingScene read_coupling_scene(Scene& scene) {
   result.title = root.text_or("title", scene.name());
   result.dimension = static_cast<int>(root.integer_or("dimension", 2, 2, 3));
   read_participants(root, result);
+  read_hosts(root, result);
   read_coupling(root.table("coupling"), result);
   // A steady flow around grains that are held is the one state without time.
   const bool grains_move = result.find("grains") != nullptr &&
@@ -329,6 +398,7 @@ CouplingScene read_coupling_scene(Scene& scene) {
     result.frame_interval =
         static_cast<std::uint64_t>(output->integer_or("frame_interval", 0, 0, 1'000'000'000));
   }
+  read_recovery(root, result);
   read_watches(root, result);
   read_checks(root, result);
   // Each participant reads its own table and refuses what it does not know there.

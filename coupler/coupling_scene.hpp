@@ -22,12 +22,24 @@ enum class Predictor { none, linear, quadratic };
 enum class Field { displacement, velocity, force };
 enum class MeasureKind { relative, absolute, residual_relative };
 
-/// One participant's launch. Either `command` (words, run on this machine) or `endpoint` (already running).
+/// Who starts a participant, and where: here, on another machine, or somebody else.
+enum class Launch { local, ssh, slurm, manual };
+
+/// One participant's launch. `command`: words; `endpoint`: where it serves, empty when it is launched here.
 struct ParticipantScene {
   std::string role;  // the scene's table: "fluid", "solid", "grains"
   std::vector<std::string> command;
   std::string endpoint;
   int threads = 0;  // 0: all cores
+  Launch launch = Launch::local;
+  std::string host = {};        // for ssh; for Slurm, when it has to be a certain one
+  std::string folder = {};      // its working folder on that machine
+  std::string key = {};         // file of its key pair on that machine
+  std::string allow = {};       // file of the coupler's public key on that machine
+  std::string public_key = {};  // file of its public key here
+
+  [[nodiscard]] bool here() const { return launch == Launch::local; }
+  [[nodiscard]] bool launched() const { return launch != Launch::manual; }
 };
 
 /// The iteration stops when every measure is below its limit. With the increment i = H(x) - x of the field:
@@ -65,6 +77,16 @@ struct CheckScene {
   std::string source;
 };
 
+/// What is kept of a transient run so that it can go on after an end or a loss. Checkpoints come every
+/// `every` windows; when the scene names none, `every_seconds` of wall time after the last and so seldom that
+/// they cost less than 2 % of it.
+struct RecoveryScene {
+  std::optional<std::uint64_t> every;  // windows; 0: no checkpoints
+  double every_seconds = 30;
+  int keep = 2;        // checkpoints
+  int relaunches = 3;  // of lost participants, without a new checkpoint in between
+};
+
 struct CouplingScene {
   std::string title;
   int dimension = 2;
@@ -96,6 +118,9 @@ struct CouplingScene {
       0;  // windows (iterations in steady mode) between frames; 0: first and last only
   bool frames = true;
   bool record = false;  // keep every message for a replay
+  RecoveryScene recovery;
+  bool insecure = false;    // addresses that other machines reach without keys
+  std::string coupler_key;  // file of the coupler's key pair
   std::vector<ParticipantScene> participants;
   std::vector<WatchScene> watches;
   std::vector<CheckScene> checks;

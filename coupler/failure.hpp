@@ -17,7 +17,8 @@ enum class ExitStatus : int {
 };
 
 /// One line says who, when and what; `advice` what to try. `curable`: everyone is well and the same window
-/// may succeed with smaller steps.
+/// may succeed with smaller steps. `lost`: a process is gone or of no use any more, and another in its place
+/// may do.
 struct RunFailure : std::runtime_error {
   RunFailure(ExitStatus exit_status, const std::string& line, std::string advice_text = {},
              bool can_be_cured = false)
@@ -28,6 +29,14 @@ struct RunFailure : std::runtime_error {
   ExitStatus status;
   std::string advice;
   bool curable;
+  bool lost = false;
 };
+
+/// A participant that died, hangs or sends nonsense.
+inline RunFailure loss(const std::string& line, std::string advice_text = {}) {
+  RunFailure failure(ExitStatus::participant_lost, line, std::move(advice_text));
+  failure.lost = true;
+  return failure;
+}
 
 }  // namespace estuary::coupler

@@ -18,9 +18,9 @@ namespace {
 using namespace estuary;
 using namespace estuary::coupler;
 
-std::atomic<bool> interrupt{false};
+std::atomic<int> interrupts{0};
 void on_interrupt(int /*signal*/) {
-  interrupt = true;
+  ++interrupts;
 }
 
 int exit_code(ExitStatus status) {
@@ -47,7 +47,8 @@ std::optional<CheckedScene> checked_scene(const std::string& path,
   return checked;
 }
 
-int run(const std::string& path, std::string folder, const std::vector<std::string>& overrides, bool dry) {
+int run(const std::string& path, std::string folder, const std::vector<std::string>& overrides, bool dry,
+        bool resume) {
   const auto checked = checked_scene(path, overrides);
   if (!checked) return exit_code(ExitStatus::wrong_scene);
   if (folder.empty()) folder = (std::filesystem::path("runs") / std::filesystem::path(path).stem()).string();
@@ -58,7 +59,7 @@ int run(const std::string& path, std::string folder, const std::vector<std::stri
   for (const auto& [role, configured] : checked->participants) {
     for (const auto& warning : configured.warnings()) fmt::print(stderr, "{}: warning: {}\n", role, warning);
   }
-  return exit_code(run_scene(*checked, folder, interrupt));
+  return exit_code(run_scene(*checked, folder, resume, interrupts));
 }
 
 int check(const std::string& path, const std::vector<std::string>& overrides) {
@@ -68,15 +69,31 @@ int check(const std::string& path, const std::vector<std::string>& overrides) {
   return exit_code(ExitStatus::done);
 }
 
-int ping(const std::string& endpoint, double timeout) {
+int make_keys(const std::string& base) {
+  const CurvePair pair = new_curve_pair();
+  write_key_files(base, pair);
+  fmt::print(
+      "{0}.key  the pair; stays where it is used, readable by its owner only\n{0}.pub  for the others\n",
+      base);
+  return exit_code(ExitStatus::done);
+}
+
+int ping(const std::string& endpoint, double timeout, const std::string& key, const std::string& server_key,
+         bool insecure) {
   try {
-    ClientChannel channel(endpoint);
+    ClientSecurity security{.insecure = insecure};
+    if (!key.empty()) security.own = read_pair(key);
+    if (!server_key.empty()) security.server_key = read_public_key(server_key);
+    ClientChannel channel(endpoint, security);
     v1::Request request;
     request.mutable_header()->set_protocol_version(protocol_version);
     request.mutable_header()->set_sequence(1);
     request.mutable_hello();
     channel.send(request);
-    const auto reply = channel.receive(std::chrono::milliseconds(static_cast<long>(1000 * timeout)));
+    const auto deadline = std::chrono::steady_clock::now() + std::chrono::duration<double>(timeout);
+    std::optional<v1::Reply> reply;
+    while (!reply && std::chrono::steady_clock::now() < deadline)
+      reply = channel.receive(std::chrono::milliseconds(50));
     if (!reply || !reply->has_welcome()) {
       fmt::print(stderr, "{}: {}\n", endpoint,
                  reply ? reply->error().message() : fmt::format("no answer within {} s", timeout));
@@ -129,6 +146,8 @@ int main(int argc, char** argv) {
   run_command->add_option("--out", folder, "Folder for what the run leaves behind; runs/<scene> by default");
   bool dry = false;
   run_command->add_flag("--dry-run", dry, "Check the scene, print what would be launched and end");
+  bool resume = false;
+  run_command->add_flag("--resume", resume, "Go on from the newest checkpoint in the run's folder");
   auto* report_command = app.add_subcommand("report", "Make one HTML page of a finished run");
   report_command->add_option("folder", folder, "The run's folder")->required();
   auto* ping_command = app.add_subcommand("ping", "Ask a running participant who it is");
@@ -136,16 +155,26 @@ int main(int argc, char** argv) {
   double timeout = 2.0;
   ping_command->add_option("endpoint", endpoint, "ipc:///path or tcp://host:port")->required();
   ping_command->add_option("--timeout", timeout, "Seconds to wait for the answer")->capture_default_str();
+  std::string key;
+  std::string server_key;
+  bool insecure = false;
+  ping_command->add_option("--key", key, "File of the own key pair");
+  ping_command->add_option("--server-key", server_key, "File of the participant's public key");
+  ping_command->add_flag("--insecure", insecure, "Ask another machine without keys");
+  auto* keys_command = app.add_subcommand("keys", "Make a CurveZMQ key pair: NAME.key and NAME.pub");
+  std::string base;
+  keys_command->add_option("name", base, "Path of the files without their endings")->required();
   try {
     app.parse(argc, argv);
   } catch (const CLI::ParseError& error) {
     return app.exit(error) == 0 ? 0 : exit_code(ExitStatus::wrong_scene);
   }
   try {
-    if (*run_command) return run(scene, folder, overrides, dry);
+    if (*run_command) return run(scene, folder, overrides, dry, resume);
     if (*check_command) return check(scene, overrides);
     if (*report_command) return report(folder);
-    return ping(endpoint, timeout);
+    if (*keys_command) return make_keys(base);
+    return ping(endpoint, timeout, key, server_key, insecure);
   } catch (const std::exception& error) {
     fmt::print(stderr, "coupler: {}\n", error.what());
     return exit_code(ExitStatus::wrong_scene);

@@ -8,6 +8,7 @@
 #include <cstdlib>
 #include <cstring>
 #include <random>
+#include <thread>
 
 #include "elapsed.hpp"
 #include "failure.hpp"
@@ -55,33 +56,122 @@ ExitStatus status_of(v1::Error::Kind kind) {
 
 }  // namespace
 
-Participants::Participants(const CouplingScene& scene, const std::filesystem::path& folder,
-                           const std::atomic<bool>& interrupt, WaitingObserver observer)
+Participants::Participants(const CouplingScene& scene, const std::filesystem::path& folder, bool go_on,
+                           const std::atomic<int>& interrupts, WaitingObserver observer)
     : scene_(scene),
-      interrupt_(interrupt),
+      folder_(folder),
+      interrupts_(interrupts),
       observer_(std::move(observer)),
       run_id_(new_run_id()),
       sockets_(make_socket_folder()) {
   try {
     for (const auto& entry : scene.participants) {
-      const std::string endpoint = entry.endpoint.empty()
-                                       ? fmt::format("ipc://{}/{}", (sockets_).string(), entry.role)
-                                       : entry.endpoint;
-      auto participant = std::make_unique<RemoteParticipant>(entry, endpoint);
+      auto participant = std::make_unique<RemoteParticipant>(entry, endpoint_of(entry), security_of(entry));
       if (scene.record) {
-        participant->record_ = std::make_unique<RecordWriter>(folder / "record" / (entry.role + ".record"));
+        participant->record_ =
+            std::make_unique<RecordWriter>(folder / "record" / (entry.role + ".record"), go_on);
       }
-      if (entry.endpoint.empty()) launch(*participant, endpoint, folder);
+      if (entry.launched()) launch(*participant, participant->channel_.endpoint(), folder);
       all_.push_back(std::move(participant));
     }
     for (auto& participant : all_) greet(*participant);
   } catch (const ChannelError& error) {
     std::filesystem::remove_all(sockets_);
     throw RunFailure(ExitStatus::participant_lost, error.what());
+  } catch (RunFailure& failure) {
+    // Who has never been there will hardly come when asked again.
+    failure.lost = false;
+    std::error_code ignored;
+    std::filesystem::remove_all(sockets_, ignored);
+    throw;
   } catch (...) {
     std::error_code ignored;
     std::filesystem::remove_all(sockets_, ignored);
     throw;
+  }
+}
+
+ClientSecurity Participants::security_of(const ParticipantScene& participant) const {
+  ClientSecurity security{.insecure = scene_.insecure};
+  if (participant.public_key.empty()) return security;
+  try {
+    security.own = read_pair(scene_.coupler_key);
+    security.server_key = read_public_key(participant.public_key);
+  } catch (const KeyError& error) {
+    throw RunFailure(ExitStatus::wrong_scene, error.what());
+  }
+  return security;
+}
+
+// A new path for each process: what was sent to the one before never reaches it.
+std::string Participants::endpoint_of(const ParticipantScene& participant) const {
+  if (!participant.endpoint.empty()) return participant.endpoint;
+  const std::string name =
+      generation_ == 0 ? participant.role : fmt::format("{}.{}", participant.role, generation_);
+  return fmt::format("ipc://{}/{}", sockets_.string(), name);
+}
+
+void Participants::bring_back() {
+  ++generation_;
+  for (auto& participant : all_)
+    if (participant->child_) participant->child_->end(0);
+  for (auto& participant : all_) renew(*participant);
+  for (auto& participant : all_) {
+    const std::uint64_t process = participant->identity_.process();
+    greet(*participant);
+    if (participant->child_) continue;
+    const bool same =
+        participant->identity_.process() == process && participant->identity_.run_id() == run_id_;
+    if (same && participant->started_) {
+      wait_until_idle(*participant);
+      spdlog::info("{}: is still there", participant->role());
+    } else {
+      participant->started_.reset();
+    }
+  }
+}
+
+void Participants::renew(RemoteParticipant& participant) {
+  participant.awaited_ = 0;
+  participant.arrived_.reset();
+  participant.last_heard_.reset();
+  participant.progress_ = {};
+  if (!participant.child_) return;
+  participant.usage_.bytes = participant.bytes();
+  participant.usage_.messages = participant.messages();
+  participant.started_.reset();
+  participant.channel_.drop_unsent();
+  participant.channel_ = ClientChannel(endpoint_of(participant.scene_), security_of(participant.scene_));
+  launch(participant, participant.channel_.endpoint(), folder_);
+}
+
+void Participants::wait_until_idle(RemoteParticipant& participant) {
+  const auto begin = steady_clock::now();
+  while (participant.progress_.phase() != "idle") {
+    std::this_thread::sleep_for(look_round);
+    for (auto& other : all_) {
+      listen(*other);
+      check_alive(*other, participant, "load", {});
+    }
+    check_interrupt(participant, "load", {});
+    if (seconds_since(begin) > scene_.stall_timeout)
+      throw loss(fmt::format("participant '{}' did not come to an end of what it was doing within {} s",
+                             participant.role(), scene_.stall_timeout));
+  }
+}
+
+std::map<std::string, std::uint64_t> Participants::record_positions() {
+  std::map<std::string, std::uint64_t> positions;
+  for (auto& participant : all_)
+    if (participant->record_) positions[participant->role()] = participant->record_->position();
+  return positions;
+}
+
+void Participants::records_go_back(const std::map<std::string, std::uint64_t>& positions) {
+  for (auto& participant : all_) {
+    if (!participant->record_) continue;
+    const auto found = positions.find(participant->role());
+    participant->record_->go_back(found == positions.end() ? 0 : found->second);
   }
 }
 
@@ -91,13 +181,49 @@ Participants::~Participants() {
   std::filesystem::remove_all(sockets_, ignored);
 }
 
+namespace {
+
+// For a shell on the other side.
+std::string quoted(const std::string& word) {
+  std::string text = "'";
+  for (const char character : word)
+    text += character == '\'' ? std::string("'\\''") : std::string(1, character);
+  return text + "'";
+}
+
+// Brings the command to the machine it is meant for.
+std::vector<std::string> sent_to_host(const ParticipantScene& participant, std::vector<std::string> words) {
+  if (participant.launch == Launch::ssh) {
+    // With a terminal of its own the process ends with the connection, a stopped one too.
+    std::vector<std::string> ssh = {
+        "ssh", "-tt", "-o", "BatchMode=yes", "-o", "ServerAliveInterval=5", participant.host, "exec"};
+    for (const auto& word : words) ssh.push_back(quoted(word));
+    return ssh;
+  }
+  std::vector<std::string> srun = {"srun", "--ntasks=1", "--job-name=estuary-" + participant.role};
+  if (!participant.host.empty()) srun.push_back("--nodelist=" + participant.host);
+  if (participant.threads > 0) srun.push_back(fmt::format("--cpus-per-task={}", participant.threads));
+  srun.insert(srun.end(), words.begin(), words.end());
+  return srun;
+}
+
+}  // namespace
+
 std::vector<std::string> launch_command(const CouplingScene& scene, const ParticipantScene& participant,
                                         const std::string& endpoint, const std::filesystem::path& folder) {
+  const std::string own_folder =
+      participant.here() ? (folder / participant.role).string() : participant.folder;
   std::vector<std::string> words = participant.command;
-  if (const auto program = find_program(words.front())) words.front() = program->string();
-  words.insert(words.end(), {"--bind", endpoint, "--folder", (folder / participant.role).string(),
-                             "--orphan-timeout", fmt::format("{}", scene.connect_timeout)});
+  words.insert(words.end(), {"--bind", endpoint, "--folder", own_folder,
+                             // Nobody asks it for anything while another is waited for.
+                             "--orphan-timeout", fmt::format("{}", 2 * scene.connect_timeout + 5)});
   if (participant.threads > 0) words.insert(words.end(), {"--threads", std::to_string(participant.threads)});
+  if (!participant.key.empty())
+    words.insert(words.end(), {"--key", participant.key, "--allow", participant.allow});
+  else if (!is_local(endpoint))
+    words.emplace_back("--insecure");
+  if (!participant.here()) words = sent_to_host(participant, std::move(words));
+  if (const auto program = find_program(words.front())) words.front() = program->string();
   return words;
 }
 
@@ -109,7 +235,7 @@ void Participants::launch(RemoteParticipant& participant, const std::string& end
   try {
     participant.child_ = std::make_unique<ChildProcess>(words, folder / "log" / (entry.role + ".log"));
   } catch (const std::exception& error) {
-    throw RunFailure(ExitStatus::participant_lost, fmt::format("{}: {}", entry.role, error.what()));
+    throw loss(fmt::format("{}: {}", entry.role, error.what()));
   }
 }
 
@@ -157,8 +283,9 @@ void Participants::listen(RemoteParticipant& participant) {
       continue;
     }
     if (reply->header().protocol_version() != protocol_version) {
-      throw ChannelError(fmt::format("speaks protocol version {}, this coupler {}",
-                                     reply->header().protocol_version(), protocol_version));
+      throw RunFailure(ExitStatus::participant_lost,
+                       fmt::format("participant '{}' speaks protocol version {}, this coupler {}",
+                                   participant.role(), reply->header().protocol_version(), protocol_version));
     }
     // Any other is the repeated answer to a repeated question: already known.
     if (participant.awaited_ == 0 || reply->header().sequence() != participant.awaited_) continue;
@@ -174,9 +301,8 @@ void Participants::check_alive(RemoteParticipant& participant, const RemoteParti
     const std::string while_what = &participant == &asked
                                        ? fmt::format("in phase {}", phase)
                                        : fmt::format("while {} was in phase {}", asked.role(), phase);
-    return RunFailure(ExitStatus::participant_lost,
-                      fmt::format("participant '{}' was lost at {}, {}: {}", participant.role(), at(position),
-                                  while_what, how));
+    return loss(fmt::format("participant '{}' was lost at {}, {}: {}", participant.role(), at(position),
+                            while_what, how));
   };
   if (participant.child_) {
     if (const auto how = participant.child_->ended()) throw lost(*how);
@@ -184,7 +310,8 @@ void Participants::check_alive(RemoteParticipant& participant, const RemoteParti
   if (!participant.last_heard_) return;
   const auto silence = steady_clock::now() - *participant.last_heard_;
   // A process of ours that is there and not stopped may merely have got no processor on a busy machine.
-  const bool may_be_starved = participant.child_ && !participant.child_->stopped();
+  const bool may_be_starved =
+      participant.child_ && participant.scene_.here() && !participant.child_->stopped();
   if (silence > (may_be_starved ? starved_at_most : lost_after)) {
     throw lost(fmt::format("nothing heard from it for {:.1f} s", seconds_since(*participant.last_heard_)));
   }
@@ -196,19 +323,29 @@ v1::Reply Participants::ask(RemoteParticipant& participant, v1::Request request,
   return std::move(ask_all(std::move(questions), position).front());
 }
 
+void Participants::check_interrupt(const RemoteParticipant& asked, const char* phase,
+                                   const Position& position) {
+  if (interrupts_ == 0) return;
+  if (!interrupted_at_) {
+    interrupted_at_ = steady_clock::now();
+    if (after_interrupt_ > 0) spdlog::info("interrupted: the window under way may be finished");
+  }
+  if (interrupts_ < 2 && seconds_since(*interrupted_at_) < after_interrupt_) return;
+  throw RunFailure(ExitStatus::interrupted, fmt::format("interrupted at {}, while {} was in phase {}",
+                                                        at(position), asked.role(), phase));
+}
+
 // Throws when a participant has had time enough.
 void Participants::check_patience(RemoteParticipant& participant, const v1::Request& request,
                                   const Position& position, double waited) const {
   if (request.has_hello()) {
     if (waited <= scene_.connect_timeout) return;
-    throw RunFailure(ExitStatus::participant_lost,
-                     fmt::format("participant '{}' did not answer at {} within {} s", participant.role(),
-                                 participant.channel_.endpoint(), scene_.connect_timeout),
-                     "start it, check the address, or raise coupling.connect_timeout");
+    throw loss(fmt::format("participant '{}' did not answer at {} within {} s", participant.role(),
+                           participant.channel_.endpoint(), scene_.connect_timeout),
+               "start it, check the address, or raise coupling.connect_timeout");
   }
   if (seconds_since(participant.last_progress_) <= scene_.stall_timeout) return;
-  throw RunFailure(
-      ExitStatus::participant_lost,
+  throw loss(
       fmt::format("participant '{}' made no progress for {:.0f} s at {}, in phase {}", participant.role(),
                   seconds_since(participant.last_progress_), at(position), phase_name(request)),
       "raise coupling.stall_timeout if it is only slow");
@@ -225,6 +362,10 @@ v1::Reply Participants::take_reply(RemoteParticipant& participant, const v1::Req
   }
   if (reply.has_error()) {
     const auto& error = reply.error();
+    // It has lost what it knew: another process took its place before the loss of the first was noticed.
+    if (error.kind() == v1::Error::OUT_OF_ORDER)
+      throw loss(fmt::format("participant '{}' at {} does not know where it is: {}", participant.role(),
+                             at(position), error.message()));
     throw RunFailure(
         status_of(error.kind()),
         fmt::format("participant '{}' at {}, in phase {}{}: {}", participant.role(), at(position),
@@ -233,6 +374,7 @@ v1::Reply Participants::take_reply(RemoteParticipant& participant, const v1::Req
         error.advice(), status_of(error.kind()) == ExitStatus::no_solution);
   }
   if (reply.has_advanced()) participant.work_ = reply.advanced().work();
+  if (reply.has_started() && !participant.child_) participant.started_ = reply.started();
   return reply;
 }
 
@@ -275,11 +417,7 @@ std::vector<v1::Reply> Participants::ask_all(std::vector<Question> questions, co
       });
       if (waiting == questions.end()) break;
       const char* phase = phase_name(waiting->request);
-      if (interrupt_) {
-        throw RunFailure(ExitStatus::interrupted,
-                         fmt::format("interrupted at {}, while {} was in phase {}", at(position),
-                                     waiting->participant->role(), phase));
-      }
+      check_interrupt(*waiting->participant, phase, position);
       for (auto& other : all_) {
         speaking = other.get();
         listen(*other);
@@ -300,12 +438,11 @@ std::vector<v1::Reply> Participants::ask_all(std::vector<Question> questions, co
       if (observer_) observer_(*waiting->participant, phase, seconds_since(begin));
     }
   } catch (const ChannelError& error) {
-    throw RunFailure(ExitStatus::participant_lost,
-                     fmt::format("participant '{}' at {}: {}", speaking->role(), at(position), error.what()));
+    throw loss(fmt::format("participant '{}' at {}: {}", speaking->role(), at(position), error.what()));
   }
   std::vector<v1::Reply> replies;
   for (const auto& [participant, request] : questions)
-    if (participant->record_) participant->record_->add(request, *participant->arrived_);
+    if (participant->record_ && recording_) participant->record_->add(request, *participant->arrived_);
   for (std::size_t k = 0; k < questions.size(); ++k)
     replies.push_back(take_reply(*questions[k].participant, questions[k].request, position, asked[k]));
   return replies;

@@ -1,11 +1,12 @@
 // The participants of a run as the coupler sees them: launched or connected, asked one phase at a time,
-// watched all the time. Whoever waits for one notices the loss of any.
+// watched all the time. Whoever waits for one notices the loss of any. After a loss they can be brought back.
 #pragma once
 
 #include <atomic>
 #include <chrono>
 #include <filesystem>
 #include <functional>
+#include <map>
 #include <memory>
 #include <optional>
 #include <string>
@@ -29,6 +30,9 @@ struct Position {
 struct Usage {
   double wall_s = 0;      // between request and reply
   double exchange_s = 0;  // of that, not spent computing by the participant's own clock
+  // Over channels that are closed.
+  std::uint64_t bytes = 0;
+  std::uint64_t messages = 0;
 };
 
 /// Program and arguments that start a participant of the scene, which writes below `folder`.
@@ -37,18 +41,26 @@ std::vector<std::string> launch_command(const CouplingScene& scene, const Partic
 
 class RemoteParticipant {
 public:
-  RemoteParticipant(ParticipantScene scene, const std::string& endpoint)
-      : scene_(std::move(scene)), channel_(endpoint) {}
+  RemoteParticipant(ParticipantScene scene, const std::string& endpoint, const ClientSecurity& security)
+      : scene_(std::move(scene)), channel_(endpoint, security) {}
 
   [[nodiscard]] const std::string& role() const { return scene_.role; }
+  [[nodiscard]] const ParticipantScene& scene() const { return scene_; }
   [[nodiscard]] const v1::Welcome& identity() const { return identity_; }
   /// Whether an Advance can carry its Accept with it.
   [[nodiscard]] bool accepts_in_advance() const { return accepts_in_advance_; }
   [[nodiscard]] const v1::Work& work() const { return work_; }
   [[nodiscard]] const Usage& usage() const { return usage_; }
   [[nodiscard]] const ClientChannel& channel() const { return channel_; }
+  [[nodiscard]] std::uint64_t bytes() const {
+    return usage_.bytes + channel_.bytes_sent() + channel_.bytes_received();
+  }
+  [[nodiscard]] std::uint64_t messages() const { return usage_.messages + channel_.messages(); }
   /// What it last said about itself.
   [[nodiscard]] const v1::Progress& progress() const { return progress_; }
+  /// Its answer to Start, where it has had one: a process that was kept through the loss of another cannot be
+  /// started a second time.
+  [[nodiscard]] const std::optional<v1::Started>& started() const { return started_; }
 
 private:
   friend class Participants;
@@ -56,6 +68,7 @@ private:
   ClientChannel channel_;
   std::unique_ptr<ChildProcess> child_;   // null when it was connected to
   std::unique_ptr<RecordWriter> record_;  // null unless the scene wants a record
+  std::optional<v1::Started> started_;
   v1::Welcome identity_;
   bool accepts_in_advance_ = false;
   v1::Work work_;
@@ -77,8 +90,9 @@ public:
   /// Launches or connects to all of them and waits for their Welcome. `folder` is the run's folder; each
   /// launched participant writes below `folder`/<role> and logs to `folder`/log/<role>.log.
   /// Throws RunFailure (participant_lost) naming who did not come and where it was expected.
-  Participants(const CouplingScene& scene, const std::filesystem::path& folder,
-               const std::atomic<bool>& interrupt, WaitingObserver observer);
+  /// `go_on`: records are added to. `interrupts` counts the signals that ask the run to end.
+  Participants(const CouplingScene& scene, const std::filesystem::path& folder, bool go_on,
+               const std::atomic<int>& interrupts, WaitingObserver observer);
   /// Ends everyone.
   ~Participants();
   Participants(const Participants&) = delete;
@@ -96,6 +110,23 @@ public:
   };
   std::vector<v1::Reply> ask_all(std::vector<Question> questions, const Position& position);
 
+  /// After a loss: launches those anew that this run launched, all of them, so that nobody holds half a
+  /// window; keeps those it connected to that are still there, or waits for others in their place. Throws as
+  /// the constructor does.
+  void bring_back();
+
+  /// The run was asked to end. The first time what is under way may take a while yet, so that a window can be
+  /// finished and saved: `ask` throws when this was used up, or at the second time.
+  [[nodiscard]] bool interrupted() const { return interrupts_ > 0; }
+  void allow_after_interrupt(double seconds) { after_interrupt_ = seconds; }
+  [[nodiscard]] double after_interrupt() const { return after_interrupt_; }
+
+  /// Bytes of the records so far, by participant; and back to such a place.
+  [[nodiscard]] std::map<std::string, std::uint64_t> record_positions();
+  void records_go_back(const std::map<std::string, std::uint64_t>& positions);
+  /// Repeated phases on the way back to a checkpoint do not belong into a record.
+  void record_messages(bool yes) { recording_ = yes; }
+
   [[nodiscard]] RemoteParticipant* find(std::string_view role);
   [[nodiscard]] const std::vector<std::unique_ptr<RemoteParticipant>>& all() const { return all_; }
   [[nodiscard]] const std::string& run_id() const { return run_id_; }
@@ -106,7 +137,13 @@ public:
 private:
   void launch(RemoteParticipant& participant, const std::string& endpoint,
               const std::filesystem::path& folder);
+  [[nodiscard]] ClientSecurity security_of(const ParticipantScene& participant) const;
+  [[nodiscard]] std::string endpoint_of(const ParticipantScene& participant) const;
   void greet(RemoteParticipant& participant);
+  void renew(RemoteParticipant& participant);
+  // Waits until a participant that was kept has put away what it was asked before the loss.
+  void wait_until_idle(RemoteParticipant& participant);
+  void check_interrupt(const RemoteParticipant& asked, const char* phase, const Position& position);
   /// Reads what has arrived from `participant` and keeps the reply it is asked for.
   static void listen(RemoteParticipant& participant);
   void check_patience(RemoteParticipant& participant, const v1::Request& request, const Position& position,
@@ -117,7 +154,12 @@ private:
                    const Position& position);
 
   const CouplingScene& scene_;
-  const std::atomic<bool>& interrupt_;
+  std::filesystem::path folder_;
+  const std::atomic<int>& interrupts_;
+  std::optional<std::chrono::steady_clock::time_point> interrupted_at_;
+  double after_interrupt_ = 0;  // [s]
+  bool recording_ = true;
+  int generation_ = 0;  // of launched processes
   WaitingObserver observer_;
   std::string run_id_;
   std::filesystem::path sockets_;  // folder of the local sockets

@@ -36,10 +36,15 @@ Partners::Partners(const CouplingScene& scene, Participants& participants)
       grains_{.participant = participants.find("grains")} {}
 
 v1::Exchange Partners::ask_start(Partner& partner, v1::Exchange initial) {
-  v1::Request request;
-  *request.mutable_start()->mutable_initial() = std::move(initial);
-  v1::Reply reply = participants_.ask(*partner.participant, std::move(request), position_);
-  v1::Started& started = *reply.mutable_started();
+  v1::Started started;
+  if (partner.participant->started()) {
+    started = *partner.participant->started();
+  } else {
+    v1::Request request;
+    *request.mutable_start()->mutable_initial() = std::move(initial);
+    started =
+        std::move(*participants_.ask(*partner.participant, std::move(request), position_).mutable_started());
+  }
   if (started.has_window_step()) partner.window_step = started.window_step();
   if (agree() && &partner != &solid_ && started.initial().has_wet_surface())
     link_surface(partner, started.initial());
@@ -345,6 +350,24 @@ void Partners::accept(const Position& position) {
     check_grain_states(grains_.last.outputs().grain_states(), scene_.dimension, position);
     grain_states_ = grains_.last.outputs().grain_states();
   }
+}
+
+std::map<std::string, std::string> Partners::save() const {
+  std::map<std::string, std::string> messages{{"grain states", grain_states_.SerializeAsString()}};
+  for (const Partner* partner : {&fluid_, &grains_, &solid_})
+    if (partner->there()) messages[partner->participant->role()] = partner->last.SerializeAsString();
+  return messages;
+}
+
+void Partners::load(const std::map<std::string, std::string>& messages) {
+  const auto read = [&](const std::string& name, google::protobuf::MessageLite& message) {
+    const auto found = messages.find(name);
+    if (found == messages.end() || !message.ParseFromString(found->second))
+      throw std::runtime_error(fmt::format("the message '{}' cannot be read", name));
+  };
+  read("grain states", grain_states_);
+  for (Partner* partner : {&fluid_, &grains_, &solid_})
+    if (partner->there()) read(partner->participant->role(), partner->last);
 }
 
 void Partners::write_frames(std::uint64_t number, double time, const Position& position) {

@@ -13,7 +13,9 @@
 #pragma once
 
 #include <cstdint>
+#include <map>
 #include <optional>
+#include <string>
 #include <vector>
 
 #include "coupling_scene.hpp"
@@ -66,6 +68,11 @@ public:
   [[nodiscard]] double window_granularity() const;
   /// How often a load was halved because the solid could not take it.
   [[nodiscard]] std::uint64_t halvings() const { return halvings_; }
+
+  /// What the next window starts from, between two windows: the states of the grains and the last answers, as
+  /// serialised messages by name. `load` throws std::runtime_error when they cannot be read.
+  [[nodiscard]] std::map<std::string, std::string> save() const;
+  void load(const std::map<std::string, std::string>& messages);
 
 private:
   // A participant with what it said of itself at the start.

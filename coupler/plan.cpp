@@ -6,6 +6,7 @@
 #include <set>
 #include <tuple>
 
+#include "checkpoints.hpp"
 #include "child_process.hpp"
 #include "participants.hpp"
 
@@ -16,7 +17,7 @@ constexpr double check_timeout = 30.0;  // [s] for a program to check its table
 
 void ask_participants(CheckedScene& checked, Scene& scene) {
   for (const auto& participant : checked.coupling.participants) {
-    if (participant.command.empty()) continue;
+    if (participant.command.empty() || !participant.here()) continue;
     SceneTable table = scene.root().table(participant.role);
     const auto program = find_program(participant.command.front());
     if (!program) {
@@ -155,11 +156,13 @@ CheckedScene check_scene(SceneText given) {
   CheckedScene checked{.given = std::move(given),
                        .coupling = {},
                        .as_run = {},
+                       .resumable = {},
                        .problems = {},
                        .participants = {},
                        .left_out = {}};
   Scene scene = Scene::parse(checked.given.text, checked.given.name, checked.given.overrides);
   checked.as_run = scene.as_run();
+  checked.resumable = resumable_text(scene);
   if (scene.problems().empty()) {
     checked.coupling = read_coupling_scene(scene);
     ask_participants(checked, scene);
@@ -173,8 +176,12 @@ std::string plan_text(const CheckedScene& checked) {
   const CouplingScene& coupling = checked.coupling;
   std::string text = fmt::format("{}\n  {}\n", coupling.title, coupling_text(coupling));
   for (const auto& participant : coupling.participants) {
-    const std::string how = participant.endpoint.empty()
-                                ? fmt::format("launch {}", fmt::join(participant.command, " "))
+    const std::string what = fmt::format("launch {}", fmt::join(participant.command, " "));
+    const std::string how = participant.here() ? what
+                            : participant.launched()
+                                ? fmt::format("{} on {} at {}, folder {} there", what,
+                                              participant.host.empty() ? "a node of Slurm" : participant.host,
+                                              participant.endpoint, participant.folder)
                                 : fmt::format("connect to {}", participant.endpoint);
     text += fmt::format("{}: {}\n", participant.role, how);
     const auto found = checked.participants.find(participant.role);
@@ -200,12 +207,13 @@ std::string plan_text(const CheckedScene& checked) {
 std::string launch_text(const CheckedScene& checked, const std::filesystem::path& folder) {
   std::string text;
   for (const auto& participant : checked.coupling.participants) {
-    if (!participant.endpoint.empty()) {
+    if (!participant.launched()) {
       text += fmt::format("{}: connect to {}\n", participant.role, participant.endpoint);
       continue;
     }
-    const auto words =
-        launch_command(checked.coupling, participant, "ipc://SOCKETS/" + participant.role, folder);
+    const auto words = launch_command(
+        checked.coupling, participant,
+        participant.here() ? "ipc://SOCKETS/" + participant.role : participant.endpoint, folder);
     text += fmt::format("{}: {}\n", participant.role, fmt::join(words, " "));
   }
   return text + "SOCKETS is a new folder for each run\n";

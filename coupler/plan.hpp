@@ -23,6 +23,7 @@ struct CheckedScene {
   SceneText given;
   CouplingScene coupling;
   std::string as_run;                  // with the overrides
+  std::string resumable;               // what has to be the same for a run to go on (checkpoints.hpp)
   std::vector<SceneProblem> problems;  // of the coupler and of every participant, in the order of the file
   std::map<std::string, v1::Configured> participants;  // by role; absent when it could not be asked
   std::vector<std::string> left_out;

@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 #include <numeric>
+#include <stdexcept>
 
 namespace estuary::coupler {
 namespace {
@@ -178,6 +179,32 @@ std::size_t ColumnPairs::apply(std::span<double> right, std::span<double> answer
   return chosen.size();
 }
 
+void ColumnPairs::save(StateWriter& state) const {
+  state.count(pairs_.size());
+  for (const Pair& pair : pairs_) {
+    state.list(pair.residual_change);
+    state.list(pair.answer_change);
+    for (const auto& product : pair.products) state.list(product);
+  }
+}
+
+void ColumnPairs::load(StateReader& state) {
+  pairs_.resize(state.count());
+  const std::size_t size = std::accumulate(fields_.begin(), fields_.end(), std::size_t{0});
+  for (std::size_t k = 0; k < pairs_.size(); ++k) {
+    Pair& pair = pairs_[k];
+    pair.residual_change = state.list();
+    pair.answer_change = state.list();
+    bool fits = pair.residual_change.size() == size && pair.answer_change.size() == size;
+    pair.products.resize(pairs_.size() - k);
+    for (auto& product : pair.products) {
+      product = state.list();
+      fits = fits && product.size() == fields_.size();
+    }
+    if (!fits) throw std::runtime_error("a column has another length");
+  }
+}
+
 QuasiNewton::QuasiNewton(QuasiNewtonSettings settings)
     : settings_(std::move(settings)), factor_(settings_.relaxation), weights_(settings_.fields) {}
 
@@ -216,6 +243,41 @@ void QuasiNewton::update(std::span<const double> residual, std::span<double> ite
   }
   factor_ = 1;
   take_step(answer, right, settings_.remainder, iterate);
+}
+
+void QuasiNewton::save(StateWriter& state) const {
+  state.list(weights_.weights());
+  state.count(problems_.size());
+  for (const ColumnPairs& problem : problems_) {
+    std::vector<double> fields;
+    for (const std::size_t length : problem.fields()) fields.push_back(static_cast<double>(length));
+    state.list(fields);
+    problem.save(state);
+  }
+}
+
+void QuasiNewton::load(StateReader& state) {
+  QuasiNewton::forget();
+  std::vector<double> weights = state.list();
+  if (weights.size() != weights_.weights().size()) throw std::runtime_error("another number of weights");
+  weights_.set_weights(std::move(weights));
+  for (std::size_t left = state.count(); left > 0; --left) {
+    std::vector<std::size_t> fields;
+    for (const double length : state.list()) fields.push_back(static_cast<std::size_t>(length));
+    problems_.emplace_back(std::move(fields)).load(state);
+  }
+}
+
+void InterfaceQuasiNewton::save(StateWriter& state) const {
+  QuasiNewton::save(state);
+  state.count(columns_of_window_.size());
+  for (const std::size_t columns : columns_of_window_) state.count(columns);
+}
+
+void InterfaceQuasiNewton::load(StateReader& state) {
+  QuasiNewton::load(state);
+  columns_of_window_.resize(state.count());
+  for (std::size_t& columns : columns_of_window_) columns = state.count();
 }
 
 void InterfaceQuasiNewton::begin_window() {

@@ -36,6 +36,7 @@ public:
   explicit ResidualSum(std::vector<std::size_t> fields);
   void begin_window();
   void add(std::span<const double> residual);
+  void set_weights(std::vector<double> weights) { weights_ = std::move(weights); }
   [[nodiscard]] const std::vector<double>& weights() const { return weights_; }
   [[nodiscard]] const std::vector<std::size_t>& fields() const { return fields_; }
 
@@ -56,12 +57,16 @@ public:
   /// Drops the oldest.
   void resize(std::size_t count);
   [[nodiscard]] std::size_t count() const { return pairs_.size(); }
+  [[nodiscard]] const std::vector<std::size_t>& fields() const { return fields_; }
 
   /// Finds c that minimises |V c - right| with the weights, subtracts V c from `right` and adds W c to
   /// `answer`. Columns below `smallest` in norm and those the filter drops take no part. Returns how many
   /// did.
   std::size_t apply(std::span<double> right, std::span<double> answer, const std::vector<double>& weights,
                     const QuasiNewtonSettings& settings, double smallest) const;
+
+  void save(StateWriter& state) const;
+  void load(StateReader& state);
 
 private:
   struct Pair {
@@ -91,6 +96,8 @@ public:
   /// The initial factor while there is no column, else 1: the step is a whole quasi-Newton step.
   [[nodiscard]] double relaxation() const final { return factor_; }
   [[nodiscard]] std::size_t columns() const { return columns_used_; }
+  void save(StateWriter& state) const override;
+  void load(StateReader& state) override;
 
 protected:
   QuasiNewtonSettings settings_;
@@ -110,6 +117,8 @@ public:
   using QuasiNewton::QuasiNewton;
   void begin_window() override;
   void forget() override;
+  void save(StateWriter& state) const override;
+  void load(StateReader& state) override;
 
 private:
   std::deque<std::size_t> columns_of_window_;  // of past windows, newest first

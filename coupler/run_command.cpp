@@ -1,16 +1,24 @@
 #include "run_command.hpp"
 
+#include <fcntl.h>
 #include <fmt/format.h>
 #include <spdlog/sinks/basic_file_sink.h>
 #include <spdlog/spdlog.h>
+#include <sys/file.h>
+#include <unistd.h>
 
 #include <algorithm>
+#include <cerrno>
 #include <chrono>
+#include <cstring>
 #include <fstream>
+#include <memory>
 #include <optional>
 
+#include "checkpoints.hpp"
 #include "checks.hpp"
 #include "coupling_loop.hpp"
+#include "elapsed.hpp"
 #include "participants.hpp"
 #include "progress_bar.hpp"
 #include "report.hpp"
@@ -27,11 +35,16 @@ using std::chrono::steady_clock;
 constexpr double end_patiently = 5.0;
 constexpr double end_quickly = 0.3;
 
-void prepare_folder(const std::filesystem::path& folder, const CheckedScene& scene) {
+// After an interrupt, for the window under way, so that it can be saved.
+constexpr double finish_a_window = 2.0;
+
+void prepare_folder(const std::filesystem::path& folder, const CheckedScene& scene, bool resumes) {
   // What an earlier run left would be taken for this run's.
-  for (const auto* name : {"summary.json", "iterations.csv", "convergence.csv", "report.html", "report",
-                           "watch", "log", "record", "fluid", "solid", "grains"}) {
+  for (const auto* name : {"summary.json", "report.html", "report"})
     std::filesystem::remove_all(folder / name);
+  for (const auto* name : {"iterations.csv", "convergence.csv", "watch", "log", "record", "checkpoint",
+                           "fluid", "solid", "grains"}) {
+    if (!resumes) std::filesystem::remove_all(folder / name);
   }
   std::filesystem::create_directories(folder / "log");
   if (scene.coupling.record) std::filesystem::create_directories(folder / "record");
@@ -44,9 +57,9 @@ void prepare_folder(const std::filesystem::path& folder, const CheckedScene& sce
   if (!file) throw std::runtime_error(fmt::format("cannot write {}", (folder / "scene.toml").string()));
 }
 
-void start_log(const std::filesystem::path& folder) {
-  auto sink =
-      std::make_shared<spdlog::sinks::basic_file_sink_st>((folder / "log" / "coupler.log").string(), true);
+void start_log(const std::filesystem::path& folder, bool resumes) {
+  auto sink = std::make_shared<spdlog::sinks::basic_file_sink_st>((folder / "log" / "coupler.log").string(),
+                                                                  !resumes);
   auto logger = std::make_shared<spdlog::logger>("coupler", sink);
   logger->set_pattern("%Y-%m-%d %H:%M:%S.%e %l %v");
   logger->flush_on(spdlog::level::info);
@@ -55,6 +68,7 @@ void start_log(const std::filesystem::path& folder) {
 
 void configure_all(Participants& participants, const CheckedScene& scene) {
   for (const auto& participant : participants.all()) {
+    if (participant->started()) continue;  // it is still there after the loss of another
     v1::Request request;
     *request.mutable_configure() = configure_message(scene.given, participant->role());
     const v1::Reply reply = participants.ask(*participant, std::move(request), {});
@@ -86,83 +100,279 @@ const char* status_text(ExitStatus status) {
   return "unknown";
 }
 
+void warn_of_insecurity() {
+  const bool terminal = ::isatty(STDERR_FILENO) == 1;
+  fmt::print(
+      stderr,
+      "{}INSECURE: the scene says insecure = true: whoever reaches an address of this run can read and "
+      "change it{}\n",
+      terminal ? "\033[1;31m" : "", terminal ? "\033[0m" : "");
+}
+
+// Holds the folder for this run alone.
+class FolderLock {
+public:
+  explicit FolderLock(const std::filesystem::path& folder) {
+    const auto path = folder / "run.lock";
+    descriptor_ = ::open(path.c_str(), O_CREAT | O_RDWR | O_CLOEXEC, 0644);
+    if (descriptor_ < 0)
+      throw std::runtime_error(fmt::format("cannot write {}: {}", path.string(), std::strerror(errno)));
+    if (::flock(descriptor_, LOCK_EX | LOCK_NB) == 0) return;
+    ::close(descriptor_);
+    throw std::runtime_error(
+        fmt::format("another run writes into {}; give another folder with --out", folder.string()));
+  }
+  FolderLock(const FolderLock&) = delete;
+  FolderLock& operator=(const FolderLock&) = delete;
+  ~FolderLock() { ::close(descriptor_); }
+
+private:
+  int descriptor_ = -1;
+};
+
+// One run: from the launch to the last window, with as many new beginnings as losses allow.
+class Run {
+public:
+  Run(const CheckedScene& scene, const std::filesystem::path& folder, bool resume,
+      const std::atomic<int>& interrupts)
+      : scene_(scene),
+        folder_(folder),
+        interrupts_(interrupts),
+        bar_(scene.coupling),
+        checkpoints_(scene.coupling, folder, scene.resumable) {
+    lock_.emplace(made(folder));
+    std::vector<std::string> news;
+    if (resume) sets_ = checkpoints_.usable([&](const std::string& line) { news.push_back(line); });
+    // What was asked for is gone on with; what somebody may still want is not thrown away.
+    if (resume && sets_.empty() && checkpoints_.any()) {
+      throw std::runtime_error(
+          fmt::format("{}\nno checkpoint in {} can be gone on from; without --resume the "
+                      "run begins at its beginning",
+                      fmt::join(news, "\n"), folder.string()));
+    }
+    resumes_ = !sets_.empty();
+    if (scene.coupling.insecure) warn_of_insecurity();
+    prepare_folder(folder, scene, resumes_);
+    start_log(folder, resumes_);
+    for (const auto& line : news) say(line);
+    if (resumes_) {
+      end_.resumed_from = sets_.front().window;
+      begin_ -= std::chrono::duration_cast<steady_clock::duration>(
+          std::chrono::duration<double>(sets_.front().state.wall_s));
+      say(fmt::format("goes on after window {}", sets_.front().window));
+    } else if (resume) {
+      say("there is no checkpoint yet: the run begins at its beginning");
+    }
+  }
+
+  ExitStatus carry_out() {
+    if (resumes_) {
+      record_ = std::make_unique<RunRecord>(folder_, scene_.coupling, sets_.front().state.record);
+    } else {
+      record_ = std::make_unique<RunRecord>(folder_, scene_.coupling);
+    }
+    ExitStatus status = ExitStatus::done;
+    try {
+      while (!attempt()) {
+      }
+      participants_->stop(end_patiently);
+    } catch (const RunFailure& failure) {
+      status = failure.status;
+      tell(failure);
+    }
+    bar_.clear();
+    return finish(status);
+  }
+
+private:
+  static const std::filesystem::path& made(const std::filesystem::path& folder) {
+    if (std::filesystem::exists(folder) && !std::filesystem::is_directory(folder))
+      throw std::runtime_error(fmt::format("{} is a file; give another folder with --out", folder.string()));
+    std::filesystem::create_directories(folder);
+    return folder;
+  }
+
+  void say(const std::string& line) {
+    bar_.clear();
+    spdlog::warn("{}", line);
+    fmt::print(stderr, "coupler: {}\n", line);
+  }
+
+  void find_checkpoints() {
+    sets_ = checkpoints_.usable([this](const std::string& line) { say(line); });
+  }
+
+  [[nodiscard]] double wall_seconds() const { return seconds_since(begin_); }
+
+  // False when a participant was lost and the run is to go on from a checkpoint, or from its beginning.
+  bool attempt() {
+    try {
+      if (!participants_) {
+        participants_ = std::make_unique<Participants>(
+            scene_.coupling, folder_, resumes_, interrupts_,
+            [&](const RemoteParticipant& participant, const char* phase, double seconds) {
+              bar_.waiting(participant, phase, seconds);
+            });
+        if (checkpoints_.wanted()) participants_->allow_after_interrupt(finish_a_window);
+        participants_->record_messages(sets_.empty());
+      } else {
+        // What is repeated on the way to a checkpoint is no part of a record.
+        if (sets_.empty()) participants_->records_go_back({});
+        participants_->record_messages(sets_.empty());
+        participants_->bring_back();
+      }
+      configure_all(*participants_, scene_);
+      CouplingLoop loop(scene_.coupling, *participants_, *record_, bar_, checkpoints_, begin_);
+      try {
+        loop.start();
+        go_back(loop);
+        participants_->record_messages(true);
+        loop.run();
+      } catch (...) {
+        end_.total_iterations = loop.total_iterations();
+        throw;
+      }
+      end_.total_iterations = loop.total_iterations();
+      end_.wall_s = wall_seconds();
+      return true;
+    } catch (const RunFailure& failure) {
+      if (!may_relaunch(failure)) throw;
+      const auto begin = steady_clock::now();
+      find_checkpoints();
+      const std::string from = sets_.empty() ? std::string("from the beginning")
+                                             : fmt::format("after window {}", sets_.front().window);
+      say(fmt::format("{}; goes on {}", failure.what(), from));
+      if (sets_.empty()) record_->begin_anew();
+      recovery_begin_ = begin;
+      return false;
+    }
+  }
+
+  bool may_relaunch(const RunFailure& failure) {
+    if (!failure.lost || !participants_ || interrupts_ > 0) return false;
+    // A checkpoint since the last loss: the run gets further.
+    if (checkpoints_.written() > written_at_loss_) relaunches_ = 0;
+    written_at_loss_ = checkpoints_.written();
+    if (relaunches_ >= scene_.coupling.recovery.relaunches) return false;
+    ++relaunches_;
+    ++end_.relaunches;
+    return true;
+  }
+
+  // To the newest checkpoint that everyone can load.
+  void go_back(CouplingLoop& loop) {
+    while (!sets_.empty()) {
+      try {
+        loop.go_to(sets_.front());
+        spdlog::info("everyone is back after window {}", sets_.front().window);
+        note_recovery();
+        return;
+      } catch (const RunFailure&) {
+        throw;
+      } catch (const std::exception& error) {
+        say(fmt::format("the checkpoint of window {} cannot be used: {}", sets_.front().window,
+                        error.what()));
+        checkpoints_.drop(sets_.front());
+        sets_.erase(sets_.begin());
+        if (sets_.empty())
+          throw RunFailure(ExitStatus::participant_lost, "no checkpoint can be gone on from");
+        say(fmt::format("goes on after window {}", sets_.front().window));
+      }
+    }
+    for (const auto& participant : participants_->all())
+      if (relaunched() && participant->started())
+        throw RunFailure(ExitStatus::participant_lost,
+                         fmt::format("participant '{}' was not launched by this run and cannot begin again",
+                                     participant->role()));
+    note_recovery();
+  }
+
+  [[nodiscard]] bool relaunched() const { return end_.relaunches > 0; }
+
+  void note_recovery() {
+    if (!recovery_begin_) return;
+    const double seconds = seconds_since(*recovery_begin_);
+    end_.recovery_s += seconds;
+    spdlog::info("recovered in {:.3f} s", seconds);
+    recovery_begin_.reset();
+  }
+
+  void tell(const RunFailure& failure) {
+    bar_.clear();
+    end_.message = failure.what();
+    end_.wall_s = wall_seconds();
+    if (participants_) participants_->stop(end_quickly);
+    spdlog::error("{}", failure.what());
+    fmt::print(stderr, "coupler: {}\n", failure.what());
+    if (!failure.advice.empty()) fmt::print(stderr, "         {}\n", failure.advice);
+    fmt::print(stderr, "         what was computed until then is in {}\n", folder_.string());
+    if (const auto window = checkpoints_.newest_window())
+      fmt::print(stderr,
+                 "         saved after window {}: the same command with --resume goes on from there\n",
+                 *window);
+  }
+
+  ExitStatus finish(ExitStatus status) {
+    end_.checkpoints = checkpoints_.written();
+    end_.checkpoint_s = checkpoints_.seconds();
+    const RunFigures figures{.wall_s = end_.wall_s, .total_iterations = end_.total_iterations};
+    std::vector<CheckResult> checks;
+    if (status == ExitStatus::done) {
+      checks = evaluate_checks(scene_.coupling, *record_, figures);
+      const bool hold =
+          std::all_of(checks.begin(), checks.end(), [](const CheckResult& result) { return result.pass; });
+      if (!hold) status = ExitStatus::check_failed;
+    }
+    end_.status = status_text(status);
+    write_summary(folder_, scene_, participants_.get(), *record_, checks, end_);
+    if (status == ExitStatus::done || status == ExitStatus::check_failed) print_results(checks);
+    return status;
+  }
+
+  void print_results(const std::vector<CheckResult>& checks) const {
+    fmt::print("{}\n", scene_.coupling.title);
+    if (!checks.empty()) fmt::print("\n{}", check_table(checks, end_.wall_s));
+    fmt::print("\n{}", timing_table(*participants_, end_.wall_s));
+    try {
+      write_report(folder_);
+      fmt::print("\nreport: {}\n", (folder_ / "report.html").string());
+    } catch (const std::exception& error) {
+      fmt::print(stderr, "coupler: no report: {}\n", error.what());
+    }
+    for (const auto& participant : scene_.coupling.participants)
+      fmt::print("fields: {}\n", (folder_ / participant.role).string());
+  }
+
+  const CheckedScene& scene_;
+  std::filesystem::path folder_;
+  const std::atomic<int>& interrupts_;
+  steady_clock::time_point begin_ = steady_clock::now();  // less what it took before it was resumed
+  ProgressBar bar_;
+  Checkpoints checkpoints_;
+  std::optional<FolderLock> lock_;
+  std::vector<CheckpointSet> sets_;  // to go back to, newest first
+  bool resumes_ = false;
+  std::unique_ptr<RunRecord> record_;
+  std::unique_ptr<Participants> participants_;
+  RunEnd end_;
+  int relaunches_ = 0;  // since the last new checkpoint
+  std::uint64_t written_at_loss_ = 0;
+  std::optional<steady_clock::time_point> recovery_begin_;
+};
+
 }  // namespace
 
-ExitStatus run_scene(const CheckedScene& scene, const std::filesystem::path& folder,
-                     const std::atomic<bool>& interrupt) {
-  const auto begin = steady_clock::now();
-  const auto wall_seconds = [&] {
-    return std::chrono::duration<double>(steady_clock::now() - begin).count();
-  };
+ExitStatus run_scene(const CheckedScene& scene, const std::filesystem::path& folder, bool resume,
+                     const std::atomic<int>& interrupts) {
+  std::optional<Run> run;
   try {
-    if (std::filesystem::exists(folder) && !std::filesystem::is_directory(folder)) {
-      throw std::runtime_error(fmt::format("{} is a file; give another folder with --out", folder.string()));
-    }
-    prepare_folder(folder, scene);
-    start_log(folder);
+    run.emplace(scene, folder, resume, interrupts);
   } catch (const std::exception& error) {
     fmt::print(stderr, "coupler: {}\n", error.what());
     return ExitStatus::wrong_scene;
   }
   try {
-    RunRecord record(folder, scene.coupling);
-    ProgressBar bar(scene.coupling);
-    std::unique_ptr<Participants> participants;
-    ExitStatus status = ExitStatus::done;
-    RunEnd end;
-    try {
-      participants =
-          std::make_unique<Participants>(scene.coupling, folder, interrupt,
-                                         [&](const RemoteParticipant& participant, const char* phase,
-                                             double seconds) { bar.waiting(participant, phase, seconds); });
-      configure_all(*participants, scene);
-      CouplingLoop loop(scene.coupling, *participants, record, bar);
-      try {
-        loop.run();
-      } catch (...) {
-        end.total_iterations = loop.total_iterations();
-        throw;
-      }
-      end.total_iterations = loop.total_iterations();
-      end.wall_s = wall_seconds();
-      participants->stop(end_patiently);
-    } catch (const RunFailure& failure) {
-      bar.clear();
-      status = failure.status;
-      end.message = failure.what();
-      end.wall_s = wall_seconds();
-      if (participants) participants->stop(end_quickly);
-      spdlog::error("{}", failure.what());
-      fmt::print(stderr, "coupler: {}\n", failure.what());
-      if (!failure.advice.empty()) fmt::print(stderr, "         {}\n", failure.advice);
-      fmt::print(stderr, "         what was computed until then is in {}\n", folder.string());
-    }
-    bar.clear();
-    const RunFigures figures{.wall_s = end.wall_s, .total_iterations = end.total_iterations};
-    std::vector<CheckResult> checks;
-    if (status == ExitStatus::done) {
-      checks = evaluate_checks(scene.coupling, record, figures);
-      const bool hold =
-          std::all_of(checks.begin(), checks.end(), [](const CheckResult& result) { return result.pass; });
-      if (!hold) status = ExitStatus::check_failed;
-    }
-    end.status = status_text(status);
-    write_summary(folder, scene, participants.get(), record, checks, end);
-    if (status == ExitStatus::done || status == ExitStatus::check_failed) {
-      fmt::print("{}\n", scene.coupling.title);
-      if (!checks.empty()) fmt::print("\n{}", check_table(checks, end.wall_s));
-      fmt::print("\n{}", timing_table(*participants, end.wall_s));
-      try {
-        write_report(folder);
-        fmt::print("\nreport: {}\n", (folder / "report.html").string());
-      } catch (const std::exception& error) {
-        fmt::print(stderr, "coupler: no report: {}\n", error.what());
-      }
-      for (const auto& participant : scene.coupling.participants) {
-        fmt::print("fields: {}\n", (folder / participant.role).string());
-      }
-    }
-    return status;
+    return run->carry_out();
   } catch (const std::exception& error) {
     // The run's own folder can no longer be written: nothing more can be kept.
     fmt::print(stderr, "coupler: {}\n", error.what());

@@ -1,15 +1,41 @@
 #include "run_record.hpp"
 
+#include <fcntl.h>
 #include <fmt/format.h>
 #include <fmt/ostream.h>
+#include <unistd.h>
 
+#include <algorithm>
+#include <cerrno>
+#include <cstring>
+#include <sstream>
 #include <stdexcept>
+
+#include "csv_file.hpp"
 
 namespace estuary::coupler {
 namespace {
 
-std::ofstream open_for_writing(const std::filesystem::path& path) {
-  std::ofstream file(path);
+const std::string iterations_name = "iterations.csv";
+const std::string convergence_name = "convergence.csv";
+
+std::string watch_name(const std::string& watch) {
+  return "watch/" + watch + ".csv";
+}
+
+// What was written so far survives the machine's end too.
+void bring_to_disk(const std::filesystem::path& path) {
+  const int descriptor = ::open(path.c_str(), O_RDONLY | O_CLOEXEC);
+  if (descriptor < 0 || ::fsync(descriptor) != 0) {
+    const std::string why = std::strerror(errno);
+    if (descriptor >= 0) ::close(descriptor);
+    throw std::runtime_error(fmt::format("cannot bring {} to the disk: {}", path.string(), why));
+  }
+  ::close(descriptor);
+}
+
+std::ofstream open_for_writing(const std::filesystem::path& path, std::ios::openmode mode = std::ios::out) {
+  std::ofstream file(path, mode);
   if (!file) throw std::runtime_error(fmt::format("cannot write {}", path.string()));
   return file;
 }
@@ -25,12 +51,28 @@ std::string mapping_text(const std::optional<std::array<double, 4>>& sums) {
 
 }  // namespace
 
-RunRecord::RunRecord(const std::filesystem::path& folder, const CouplingScene& scene) : folder_(folder) {
-  std::filesystem::create_directories(folder / "watch");
-  iterations_ = open_for_writing(folder / "iterations.csv");
+RunRecord::RunRecord(const std::filesystem::path& folder, const CouplingScene& scene)
+    : folder_(folder), coupled_(scene.participants.size() > 1) {
+  begin_anew();
+}
+
+RunRecord::RunRecord(const std::filesystem::path& folder, const CouplingScene& scene,
+                     const RecordPosition& position)
+    : folder_(folder), coupled_(scene.participants.size() > 1) {
+  go_back(position);
+}
+
+void RunRecord::begin_anew() {
+  watch_files_.clear();
+  watches_.clear();
+  windows_.clear();
+  std::filesystem::remove_all(folder_ / "watch");
+  std::filesystem::create_directories(folder_ / "watch");
+  iterations_ = open_for_writing(folder_ / iterations_name);
   iterations_ << "window,total_iterations,iterations,verdict,time,residual,wall_s,window_length\n";
-  if (scene.participants.size() > 1) {
-    convergence_ = open_for_writing(folder / "convergence.csv");
+  check(iterations_, iterations_name);
+  if (coupled_) {
+    convergence_ = open_for_writing(folder_ / convergence_name);
     convergence_
         << "window,iteration,time,residual,velocity_residual,force_residual,relaxation,load_share,"
            "displacement_norm,"
@@ -38,7 +80,81 @@ RunRecord::RunRecord(const std::filesystem::path& folder, const CouplingScene& s
            "moment,fluid_force_x,fluid_force_y,fluid_moment,solid_force_x,solid_force_y,solid_moment,"
            "fluid_power,solid_power,fluid_s,solid_s,fluid_error,solid_error,"
            "unmapped_force_x,unmapped_force_y,unmapped_moment,unmapped_power\n";
+    check(convergence_, convergence_name);
   }
+}
+
+RecordPosition RunRecord::position() {
+  RecordPosition position;
+  const auto note = [&](const std::string& name) {
+    bring_to_disk(folder_ / name);
+    position[name] = std::filesystem::file_size(folder_ / name);
+  };
+  note(iterations_name);
+  if (coupled_) note(convergence_name);
+  for (const auto& [name, file] : watch_files_) note(watch_name(name));
+  return position;
+}
+
+void RunRecord::go_back(const RecordPosition& position) {
+  for (const auto& [name, size] : position) {
+    std::error_code missing;
+    if (std::filesystem::file_size(folder_ / name, missing) < size || missing)
+      throw std::runtime_error(fmt::format("{} does not reach as far as the checkpoint does", name));
+  }
+  iterations_.close();
+  convergence_.close();
+  watch_files_.clear();
+  watches_.clear();
+  windows_.clear();
+  // A watch that had no row yet has no file.
+  if (std::filesystem::exists(folder_ / "watch")) {
+    for (const auto& entry : std::filesystem::directory_iterator(folder_ / "watch")) {
+      if (!position.contains(watch_name(entry.path().stem().string()))) std::filesystem::remove(entry.path());
+    }
+  }
+  for (const auto& [name, size] : position) {
+    std::filesystem::resize_file(folder_ / name, size);
+    auto file = open_for_writing(folder_ / name, std::ios::app);
+    if (name == iterations_name) {
+      iterations_ = std::move(file);
+    } else if (name == convergence_name) {
+      convergence_ = std::move(file);
+    } else {
+      const std::string watch = std::filesystem::path(name).stem().string();
+      watch_files_.emplace(watch, std::move(file));
+      read_watch(watch);
+    }
+  }
+  read_windows();
+}
+
+void RunRecord::read_windows() {
+  std::ifstream file(folder_ / iterations_name);
+  std::string line;
+  std::getline(file, line);  // the names
+  while (std::getline(file, line)) {
+    std::replace(line.begin(), line.end(), ',', ' ');
+    // The only text in it has spaces ("not converged"): it is taken out first.
+    WindowRow row;
+    const auto begin = line.find_first_of("abcdefghijklmnopqrstuvwxyz");
+    const auto end = line.find_first_of("0123456789", begin);
+    if (begin == std::string::npos || end == std::string::npos) continue;
+    row.verdict = line.substr(begin, end - begin - 1);
+    std::istringstream numbers(line.substr(0, begin) + line.substr(end));
+    numbers >> row.window >> row.total_iterations >> row.iterations >> row.time >> row.residual >>
+        row.wall_s >> row.duration;
+    windows_.push_back(std::move(row));
+  }
+}
+
+void RunRecord::read_watch(const std::string& name) {
+  const auto table = read_csv(folder_ / watch_name(name));
+  const auto* time = table ? table->column("time") : nullptr;
+  if (time == nullptr) throw std::runtime_error(fmt::format("{} cannot be read back", watch_name(name)));
+  constexpr std::size_t first_quantity = 3;  // after window, iteration, time
+  for (std::size_t k = first_quantity; k < table->names.size(); ++k)
+    watches_[name][table->names[k]] = {*time, table->columns[k]};
 }
 
 void RunRecord::check(std::ofstream& file, const std::string& name) const {
@@ -58,20 +174,20 @@ void RunRecord::add(const IterationRow& row) {
              row.force[0], row.force[1], row.moment, row.fluid_force[0], row.fluid_force[1], row.fluid_moment,
              row.solid_force[0], row.solid_force[1], row.solid_moment, row.fluid_power, row.solid_power,
              row.fluid_s, row.solid_s, row.fluid_error, row.solid_error, mapping_text(row.before_mapping));
-  check(convergence_, "convergence.csv");
+  check(convergence_, convergence_name);
 }
 
 void RunRecord::add(const WindowRow& row) {
   fmt::print(iterations_, "{},{},{},{},{:.17g},{:.17g},{:.6f},{:.17g}\n", row.window, row.total_iterations,
              row.iterations, row.verdict, row.time, row.residual, row.wall_s, row.duration);
-  check(iterations_, "iterations.csv");
+  check(iterations_, iterations_name);
   windows_.push_back(row);
 }
 
 std::ofstream& RunRecord::watch_file(const v1::WatchSample& sample) {
   const auto found = watch_files_.find(sample.name());
   if (found != watch_files_.end()) return found->second;
-  auto file = open_for_writing(folder_ / "watch" / (sample.name() + ".csv"));
+  auto file = open_for_writing(folder_ / watch_name(sample.name()));
   file << "window,iteration,time";
   for (const auto& quantity : sample.quantity()) file << ',' << quantity;
   file << '\n';
@@ -90,7 +206,7 @@ void RunRecord::add(const v1::WatchSample& sample, std::uint64_t window, std::ui
     series.value.push_back(sample.value(i));
   }
   file << '\n';
-  check(file, "watch/" + sample.name() + ".csv");
+  check(file, watch_name(sample.name()));
 }
 
 }  // namespace estuary::coupler

@@ -62,10 +62,22 @@ struct WatchSeries {
   std::vector<double> value;
 };
 
+/// Bytes of each file so far, by its name in the run's folder.
+using RecordPosition = std::map<std::string, std::uint64_t>;
+
 class RunRecord {
 public:
   /// Makes the folder's files anew. Throws std::runtime_error when they cannot be written.
   RunRecord(const std::filesystem::path& folder, const CouplingScene& scene);
+  /// Goes on with those of an earlier run, from a place that `position` gave then. Throws std::runtime_error
+  /// when they do not reach that far.
+  RunRecord(const std::filesystem::path& folder, const CouplingScene& scene, const RecordPosition& position);
+
+  /// Where the files end; they are on the disk up to there.
+  [[nodiscard]] RecordPosition position();
+  /// Forgets what came after. Throws std::runtime_error when the files do not reach that far.
+  void go_back(const RecordPosition& position);
+  void begin_anew();
 
   void add(const IterationRow& row);
   void add(const WindowRow& row);
@@ -78,10 +90,13 @@ public:
   }
 
 private:
+  void read_windows();
+  void read_watch(const std::string& name);
   std::ofstream& watch_file(const v1::WatchSample& sample);
   void check(std::ofstream& file, const std::string& name) const;
 
   std::filesystem::path folder_;
+  bool coupled_;
   std::ofstream convergence_;
   std::ofstream iterations_;
   std::map<std::string, std::ofstream> watch_files_;

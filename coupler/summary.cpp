@@ -52,6 +52,11 @@ Json participants_json(const CheckedScene& scene, const Participants* participan
                   {"bytes_per_update", finite_or_null(work.bytes_per_update())},
                   {"peak_rss_bytes", work.peak_rss_bytes()},
                   {"phases", phases}};
+    // Where its frames and checkpoints are, when that is not below this folder.
+    if (!participant->scene().folder.empty()) {
+      entry["host"] = participant->scene().host;
+      entry["folder"] = participant->scene().folder;
+    }
     if (const auto found = scene.participants.find(participant->role()); found != scene.participants.end()) {
       entry["variant"] = found->second.variant();
       Json plan = Json::object();
@@ -115,8 +120,8 @@ void write_summary(const std::filesystem::path& folder, const CheckedScene& scen
   if (participants != nullptr) {
     for (const auto& participant : participants->all()) {
       exchange_s += participant->usage().exchange_s;
-      bytes += participant->channel().bytes_sent() + participant->channel().bytes_received();
-      messages += participant->channel().messages();
+      bytes += participant->bytes();
+      messages += participant->messages();
     }
   }
   const Json json = {
@@ -133,6 +138,12 @@ void write_summary(const std::filesystem::path& folder, const CheckedScene& scen
         {"max", most}}},
       {"participants", participants_json(scene, participants, end.wall_s)},
       {"coupling", {{"exchange_s", finite_or_null(exchange_s)}, {"bytes", bytes}, {"messages", messages}}},
+      {"recovery",
+       {{"checkpoints", end.checkpoints},
+        {"checkpoint_s", finite_or_null(end.checkpoint_s)},
+        {"relaunches", end.relaunches},
+        {"recovery_s", finite_or_null(end.recovery_s)},
+        {"resumed_after_window", end.resumed_from ? Json(*end.resumed_from) : Json(nullptr)}}},
       {"left_out", scene.left_out},
       {"watch", watches_json(record)},
       {"checks", checks_json(checks)}};

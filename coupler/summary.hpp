@@ -2,6 +2,7 @@
 #pragma once
 
 #include <filesystem>
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -16,8 +17,13 @@ struct RunEnd {
   std::string
       status;  // "done", "check failed", "diverged or not converged", "participant lost", "interrupted"
   std::string message;  // the line a person was told; empty when done
-  double wall_s = 0;
+  double wall_s = 0;    // with that of the runs it goes on from
   std::uint64_t total_iterations = 0;
+  std::optional<std::uint64_t> resumed_from = {};  // window
+  std::uint64_t relaunches = 0;
+  double recovery_s = 0;  // from a loss until everyone was back
+  std::uint64_t checkpoints = 0;
+  double checkpoint_s = 0;
 };
 
 /// `participants` may be null when none could be launched. Throws std::runtime_error when it cannot be

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <stdexcept>
 
 namespace estuary::coupler {
 namespace {
@@ -50,6 +51,20 @@ bool WindowClock::shorten() {
   length_ = std::max(smallest_, now / 2);
   successes_ = 0;
   return true;
+}
+
+void WindowClock::save(StateWriter& state) const {
+  state.count(full_);
+  state.count(now_);
+  state.count(length_);
+  state.count(static_cast<std::size_t>(successes_));
+}
+
+void WindowClock::load(StateReader& state) {
+  if (state.count() != full_) throw std::runtime_error("its windows are divided in another way");
+  now_ = state.count();
+  length_ = std::clamp<std::uint64_t>(state.count(), 1, full_);
+  successes_ = static_cast<int>(state.count());
 }
 
 void WindowClock::accept() {

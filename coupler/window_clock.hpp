@@ -5,6 +5,7 @@
 #include <cstdint>
 
 #include "partners.hpp"
+#include "state_numbers.hpp"
 
 namespace estuary::coupler {
 
@@ -17,7 +18,7 @@ public:
   /// Lets windows shrink to `smallest` [s] in multiples of `granularity` [s] (0: any length).
   void allow_shorter(double smallest, double granularity);
 
-  [[nodiscard]] bool at_end() const { return now_ == end_; }
+  [[nodiscard]] bool at_end() const { return now_ >= end_; }
   /// The window to compute now.
   [[nodiscard]] WindowSpan span() const;
   [[nodiscard]] double end_of_span() const { return time_of(now_ + length()); }
@@ -26,6 +27,10 @@ public:
   /// Goes on to the next window. After a few windows in a row without trouble the length doubles, up to the
   /// scene's.
   void accept();
+
+  /// Where it is, but not where it ends: a run may go on for longer than it was first meant to.
+  void save(StateWriter& state) const;
+  void load(StateReader& state);
 
 private:
   [[nodiscard]] double time_of(std::uint64_t ticks) const;

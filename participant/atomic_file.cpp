@@ -52,6 +52,12 @@ public:
     std::filesystem::rename(path_, file, error);
     if (error) fail(file, "cannot be put in place", error.value());
     kept_ = true;
+    // The new name is on the disk too once its folder is.
+    const auto folder = file.has_parent_path() ? file.parent_path() : std::filesystem::path(".");
+    const int descriptor = ::open(folder.c_str(), O_RDONLY | O_DIRECTORY | O_CLOEXEC);
+    if (descriptor < 0) return;
+    ::fsync(descriptor);
+    ::close(descriptor);
   }
 
 private:

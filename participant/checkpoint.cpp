@@ -28,6 +28,8 @@ void write_array(hid_t location, const std::filesystem::path& file, const std::s
   const hsize_t extent = length;
   const Handle space(check(H5Screate_simple(1, &extent, nullptr), file, what), H5Sclose);
   const Handle properties(check(H5Pcreate(H5P_DATASET_CREATE), file, what), H5Pclose);
+  // The same values make the same file, whenever they are written.
+  check(H5Pset_obj_track_times(properties.get(), false), file, what);
   if (length > 0) {
     const hsize_t chunk = std::min<hsize_t>(extent, chunk_length);
     check(H5Pset_chunk(properties.get(), 1, &chunk), file, what);
@@ -63,6 +65,17 @@ std::size_t array_length(const Handle& dataset, const std::filesystem::path& fil
   hsize_t extent = 0;
   check(H5Sget_simple_extent_dims(space.get(), &extent, nullptr), file, what);
   return static_cast<std::size_t>(extent);
+}
+
+// A damaged header may claim any length; what the file does not hold is not allocated.
+std::size_t believable_length(const Handle& dataset, const std::filesystem::path& file,
+                              const std::string& name, std::size_t bytes_each) {
+  const auto length = array_length(dataset, file, name);
+  if (length > std::filesystem::file_size(file) / bytes_each) {
+    throw std::runtime_error(fmt::format("{}: array '{}' claims {} values, more than the file holds",
+                                         file.string(), name, length));
+  }
+  return length;
 }
 
 void read_values(const Handle& dataset, const std::filesystem::path& file, const std::string& name,
@@ -135,6 +148,10 @@ void CheckpointWriter::add(const std::string& name, std::uint64_t value) {
   write_array(handle_, file_, name, H5T_STD_U64LE, H5T_NATIVE_UINT64, &value, 1);
 }
 
+void CheckpointWriter::add_bytes(const std::string& name, std::string_view bytes) {
+  add(name, std::span(reinterpret_cast<const std::uint8_t*>(bytes.data()), bytes.size()));
+}
+
 void CheckpointWriter::commit() {
   if (handle_ < 0) throw std::runtime_error(fmt::format("{}: was committed before", file_.string()));
   hdf5::throw_instead_of_print();
@@ -183,15 +200,18 @@ std::uint64_t CheckpointReader::read_count(const std::string& name) const {
   return value;
 }
 
+std::string CheckpointReader::read_bytes(const std::string& name) const {
+  hdf5::throw_instead_of_print();
+  const auto dataset = open_array(handle_, file_, name);
+  std::string bytes(believable_length(dataset, file_, name, 1), '\0');
+  read_values(dataset, file_, name, H5T_NATIVE_UINT8, bytes.data(), bytes.size());
+  return bytes;
+}
+
 std::vector<double> CheckpointReader::read_all(const std::string& name) const {
   hdf5::throw_instead_of_print();
   const auto dataset = open_array(handle_, file_, name);
-  const auto length = array_length(dataset, file_, name);
-  // A damaged header may claim any length; what the file does not hold is not allocated.
-  if (length > std::filesystem::file_size(file_) / sizeof(double)) {
-    throw std::runtime_error(fmt::format("{}: array '{}' claims {} values, more than the file holds",
-                                         file_.string(), name, length));
-  }
+  const auto length = believable_length(dataset, file_, name, sizeof(double));
   std::vector<double> values(length);
   read_values(dataset, file_, name, H5T_NATIVE_DOUBLE, values.data(), length);
   check_finite(values, file_, name);

@@ -5,6 +5,7 @@
 #include <filesystem>
 #include <span>
 #include <string>
+#include <string_view>
 #include <vector>
 
 namespace estuary {
@@ -20,6 +21,7 @@ public:
   void add(const std::string& name, std::span<const double> values);
   void add(const std::string& name, std::span<const std::uint8_t> values);
   void add(const std::string& name, std::uint64_t value);
+  void add_bytes(const std::string& name, std::string_view bytes);
   void commit();
 
 private:
@@ -38,6 +40,7 @@ public:
   void read(const std::string& name, std::span<std::uint8_t> values) const;
   [[nodiscard]] std::uint64_t read_count(const std::string& name) const;
   [[nodiscard]] std::vector<double> read_all(const std::string& name) const;
+  [[nodiscard]] std::string read_bytes(const std::string& name) const;
 
 private:
   std::filesystem::path file_;

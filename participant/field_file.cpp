@@ -97,6 +97,8 @@ Handle create_array(hid_t location, const std::filesystem::path& file, const std
   const int rank = static_cast<int>(extent.size());
   const Handle space(check(H5Screate_simple(rank, extent.data(), nullptr), file, what), H5Sclose);
   const Handle properties(check(H5Pcreate(H5P_DATASET_CREATE), file, what), H5Pclose);
+  // The same values make the same file, whenever they are written.
+  check(H5Pset_obj_track_times(properties.get(), false), file, what);
   if (std::find(extent.begin(), extent.end(), hsize_t{0}) == extent.end()) {
     check(H5Pset_chunk(properties.get(), rank, chunk.data()), file, what);
     check(H5Pset_shuffle(properties.get()), file, what);

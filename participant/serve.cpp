@@ -48,6 +48,7 @@ public:
   bool run() {
     while (true) {
       if (auto incoming = channel_.receive(until_next_progress())) receive(std::move(*incoming));
+      report_refusals();
       while (const auto reply = queue_.take_reply()) {
         if (!tell_owner(*reply)) return false;
         if (conversation_.ends_with(*reply)) return true;
@@ -119,6 +120,13 @@ private:
     queue_.put_request(std::move(request));
   }
 
+  // Each at first, then seldom: somebody may try for hours.
+  void report_refusals() {
+    if (channel_.refused() < next_refusal_) return;
+    spdlog::warn("refused a connection: {} ({} so far)", channel_.last_refusal(), channel_.refused());
+    next_refusal_ = channel_.refused() < 10 ? channel_.refused() + 1 : 2 * channel_.refused();
+  }
+
   // False when there is nobody to tell.
   bool tell_owner(const v1::Reply& reply) {
     if (channel_.send(owner_, reply)) return true;
@@ -150,7 +158,22 @@ private:
   steady_clock::time_point born_;
   steady_clock::time_point last_progress_;
   std::string owner_;
+  std::uint64_t next_refusal_ = 1;
 };
+
+// The process before, which the coupler gave up, may need a moment to leave the port.
+std::unique_ptr<ServerChannel> bind_to(const std::string& endpoint, const ServerSecurity& security) {
+  constexpr std::chrono::seconds patience{3};
+  const auto deadline = steady_clock::now() + patience;
+  while (true) {
+    try {
+      return std::make_unique<ServerChannel>(endpoint, security);
+    } catch (const AddressInUse&) {
+      if (steady_clock::now() > deadline) throw;
+      std::this_thread::sleep_for(std::chrono::milliseconds(100));
+    }
+  }
+}
 
 int check_only(Participant& participant) {
   const std::string bytes{std::istreambuf_iterator<char>(std::cin), {}};
@@ -174,17 +197,23 @@ int serve(int argc, char** argv, std::unique_ptr<Participant> participant) {
   int threads = 0;
   double orphan_timeout = 0;
   bool check = false;
-  bool insecure = false;
+  ServerSecurity security;
+  std::string key;
+  std::vector<std::string> allowed;
   app.add_option("--bind", endpoint, "Address to serve at, ipc:///path or tcp://host:port");
   app.add_option("--folder", folder, "Folder for the files it writes")->capture_default_str();
   app.add_option("--threads", threads, "Threads to compute with; all cores when not given");
   app.add_option("--orphan-timeout", orphan_timeout, "End after so many seconds without a coupler; 0: never");
   app.add_flag("--check", check, "Check the scene on standard input (a Configure message) and end");
-  app.add_flag("--insecure", insecure, "Allow an address that other machines reach, without authentication");
+  app.add_option("--key", key, "File of the own CurveZMQ key pair (made by `coupler keys`)");
+  app.add_option("--allow", allowed, "File of the public key of a coupler that may come; may be repeated");
+  app.add_flag("--insecure", security.insecure,
+               "Allow an address that other machines reach, without authentication");
   app.set_version_flag("--version", identity.version);
   try {
     app.parse(argc, argv);
     if (!check && endpoint.empty()) throw CLI::RequiredError("--bind");
+    if (key.empty() != allowed.empty()) throw CLI::ValidationError("--key and --allow belong together");
   } catch (const CLI::ParseError& error) {
     return app.exit(error) == 0 ? 0 : 2;
   }
@@ -196,8 +225,12 @@ int serve(int argc, char** argv, std::unique_ptr<Participant> participant) {
   spdlog::set_pattern("%Y-%m-%d %H:%M:%S.%e %l %v");
   try {
     std::filesystem::create_directories(folder);
-    ServerChannel channel(endpoint, insecure);
-    if (!is_local(endpoint)) spdlog::warn("INSECURE: {} takes requests from anyone who reaches it", endpoint);
+    if (!key.empty()) security.own = read_pair(key);
+    for (const auto& file : allowed) security.allowed.push_back(read_public_key(file));
+    const auto bound = bind_to(endpoint, security);
+    ServerChannel& channel = *bound;
+    if (!is_local(endpoint) && !security.has_keys())
+      spdlog::warn("INSECURE: {} takes requests from anyone who reaches it", endpoint);
     spdlog::info("{} {} at {}, {} threads", identity.name, identity.version, channel.bound_endpoint(),
                  omp_get_max_threads());
     ProgressBoard board;

@@ -6,6 +6,7 @@
 #include <chrono>
 #include <cmath>
 
+#include "file_digest.hpp"
 #include "scene.hpp"
 
 namespace estuary {
@@ -138,14 +139,12 @@ v1::Reply Session::carry_out(const v1::Request& request) {
     }
     case v1::Request::kSave: {
       require_started("Save");
-      participant_.save(inside_folder(request.save().file()));
-      reply.mutable_done()->add_files(request.save().file());
+      save(request.save().file(), *reply.mutable_done());
       break;
     }
     case v1::Request::kLoad: {
       require_started("Load");
-      participant_.load(inside_folder(request.load().file()));
-      advanced_ = false;
+      load(request.load());
       reply.mutable_done();
       break;
     }
@@ -168,6 +167,25 @@ v1::Reply Session::carry_out(const v1::Request& request) {
       throw BadInput("phase", "the request names no phase to carry out");
   }
   return reply;
+}
+
+void Session::save(const std::string& name, v1::Done& done) {
+  const std::filesystem::path file = inside_folder(name);
+  // What an earlier Save left must not be taken for this one's.
+  std::filesystem::remove(file);
+  participant_.save(file);
+  if (!std::filesystem::exists(file)) throw std::runtime_error("this participant cannot save its state");
+  const FileSum sum = sum_of_file(file);
+  done.add_files(name);
+  done.mutable_digest()->set_bytes(sum.bytes);
+  done.mutable_digest()->set_crc32(sum.crc32);
+}
+
+void Session::load(const v1::Load& request) {
+  const std::filesystem::path file = inside_folder(request.file());
+  if (request.has_digest()) require_sum(file, {request.digest().bytes(), request.digest().crc32()});
+  participant_.load(file);
+  advanced_ = false;
 }
 
 void Session::advance(const v1::Request& request, v1::Reply& reply) {

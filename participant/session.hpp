@@ -24,6 +24,8 @@ public:
 private:
   v1::Reply carry_out(const v1::Request& request);
   void advance(const v1::Request& request, v1::Reply& reply);
+  void save(const std::string& name, v1::Done& done);
+  void load(const v1::Load& request);
   void require_started(const char* phase) const;
   [[nodiscard]] std::filesystem::path inside_folder(const std::string& file) const;
 

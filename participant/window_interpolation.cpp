@@ -45,4 +45,22 @@ void WindowInterpolation::accept() {
   start_ = end_;
 }
 
+std::vector<double> WindowInterpolation::save() const {
+  std::vector<double> values{before_duration_};
+  values.insert(values.end(), start_.begin(), start_.end());
+  values.insert(values.end(), before_.begin(), before_.end());
+  return values;
+}
+
+void WindowInterpolation::restore(std::span<const double> values) {
+  const std::size_t size = start_.size();
+  if (values.size() != 1 + size && values.size() != 1 + 2 * size)
+    throw std::invalid_argument("what was kept of the input has another length");
+  before_duration_ = values[0];
+  const auto middle = values.begin() + 1 + static_cast<std::ptrdiff_t>(size);
+  start_.assign(values.begin() + 1, middle);
+  before_.assign(middle, values.end());
+  end_ = start_;
+}
+
 }  // namespace estuary

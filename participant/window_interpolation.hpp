@@ -38,6 +38,11 @@ public:
   /// The window's end becomes the start of the next.
   void accept();
 
+  /// What is kept after `accept`, for a checkpoint; `restore` takes it back. Throws std::invalid_argument for
+  /// values of another input.
+  [[nodiscard]] std::vector<double> save() const;
+  void restore(std::span<const double> values);
+
 private:
   InterpolationInTime kind_;
   std::vector<double> before_;  // at the start of the window before; empty in the first

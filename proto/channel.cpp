@@ -4,15 +4,19 @@
 #include <fmt/format.h>
 #include <sys/eventfd.h>
 #include <sys/file.h>
+#include <sys/stat.h>
 #include <unistd.h>
+#include <zmq.h>
 
 #include <array>
+#include <atomic>
 #include <cerrno>
 #include <cstring>
 #include <vector>
 #include <zmq.hpp>
 
 #include "direct_line.hpp"
+#include "gatekeeper.hpp"
 
 namespace estuary {
 namespace {
@@ -55,6 +59,23 @@ void check_endpoint(const std::string& endpoint) {
   }
 }
 
+// A path made now can be entered by this user only.
+class PrivateFiles {
+public:
+  PrivateFiles() : before_(::umask(S_IRWXG | S_IRWXO)) {}
+  PrivateFiles(const PrivateFiles&) = delete;
+  PrivateFiles& operator=(const PrivateFiles&) = delete;
+  ~PrivateFiles() { ::umask(before_); }
+
+private:
+  mode_t before_;
+};
+
+void give_keys(zmq::socket_t& socket, const CurvePair& own) {
+  socket.set(zmq::sockopt::curve_publickey, own.public_key);
+  socket.set(zmq::sockopt::curve_secretkey, own.secret_key);
+}
+
 zmq::message_t serialise(const google::protobuf::MessageLite& message) {
   const std::size_t size = message.ByteSizeLong();
   if (static_cast<std::int64_t>(size) > maximum_message_bytes) {
@@ -67,6 +88,52 @@ zmq::message_t serialise(const google::protobuf::MessageLite& message) {
 }
 
 }  // namespace
+
+// Hears of connections that fail before a message can pass.
+class Doorkeeper {
+public:
+  void watch(zmq::socket_t& socket) {
+    static std::atomic<int> number{0};
+    const std::string address = fmt::format("inproc://door-{}", number++);
+    constexpr int failures = ZMQ_EVENT_HANDSHAKE_FAILED_NO_DETAIL | ZMQ_EVENT_HANDSHAKE_FAILED_PROTOCOL |
+                             ZMQ_EVENT_HANDSHAKE_FAILED_AUTH | ZMQ_EVENT_HANDSHAKE_SUCCEEDED;
+    if (::zmq_socket_monitor(socket.handle(), address.c_str(), failures) != 0)
+      throw ChannelError(::zmq_strerror(::zmq_errno()));
+    events_ = zmq::socket_t(context(), zmq::socket_type::pair);
+    events_.set(zmq::sockopt::linger, 0);
+    events_.connect(address);
+  }
+  [[nodiscard]] bool watches() const { return events_.handle() != nullptr; }
+  [[nodiscard]] void* handle() { return events_.handle(); }
+  void look() {
+    zmq::message_t event;
+    while (watches() && events_.recv(event, zmq::recv_flags::dontwait)) {
+      std::uint16_t kind = 0;
+      std::memcpy(&kind, event.data(), sizeof kind);
+      zmq::message_t address;
+      while (events_.get(zmq::sockopt::rcvmore))
+        if (!events_.recv(address, zmq::recv_flags::dontwait)) break;
+      if (kind == ZMQ_EVENT_HANDSHAKE_SUCCEEDED) {
+        in_a_row_ = 0;
+        continue;
+      }
+      ++refused_;
+      ++in_a_row_;
+      last_ = kind == ZMQ_EVENT_HANDSHAKE_FAILED_AUTH       ? "its key is not on the list"
+              : kind == ZMQ_EVENT_HANDSHAKE_FAILED_PROTOCOL ? "it speaks without a key, or not as it should"
+                                                            : "it was made for another key, or broke off";
+    }
+  }
+  [[nodiscard]] std::uint64_t refused() const { return refused_; }
+  [[nodiscard]] std::uint64_t in_a_row() const { return in_a_row_; }
+  [[nodiscard]] const std::string& last() const { return last_; }
+
+private:
+  zmq::socket_t events_;
+  std::uint64_t refused_ = 0;
+  std::uint64_t in_a_row_ = 0;
+  std::string last_;
+};
 
 bool is_local(const std::string& endpoint) {
   if (endpoint.starts_with("ipc://")) return true;
@@ -104,14 +171,26 @@ const char* phase_name(const v1::Request& request) {
 
 struct ClientChannel::Socket {
   zmq::socket_t socket{context(), zmq::socket_type::dealer};
+  Doorkeeper door;  // with keys
   std::optional<DirectLine> line;
   bool reply_over_line = false;  // the reply awaited
 };
 
-ClientChannel::ClientChannel(const std::string& endpoint)
+ClientChannel::ClientChannel(const std::string& endpoint, const ClientSecurity& security)
     : socket_(std::make_unique<Socket>()), endpoint_(endpoint) {
   check_endpoint(endpoint);
+  if (!is_local(endpoint) && !security.has_keys() && !security.insecure) {
+    throw ChannelError(
+        fmt::format("'{}' is not on this machine and no keys are given: whoever is in between could read and "
+                    "change everything",
+                    endpoint));
+  }
   set_limits(socket_->socket, endpoint);
+  if (security.has_keys()) {
+    give_keys(socket_->socket, security.own);
+    socket_->socket.set(zmq::sockopt::curve_serverkey, security.server_key);
+    socket_->door.watch(socket_->socket);
+  }
   // A participant that is still starting binds a little later; try again often.
   socket_->socket.set(zmq::sockopt::reconnect_ivl, 10);
   socket_->socket.set(zmq::sockopt::reconnect_ivl_max, 200);
@@ -174,6 +253,10 @@ std::optional<v1::Reply> ClientChannel::receive(std::chrono::milliseconds timeou
   if (socket_->line) {
     if (auto reply = receive_over_line()) return reply;
   }
+  socket_->door.look();
+  constexpr std::uint64_t no_accident = 3;
+  if (socket_->door.in_a_row() >= no_accident)
+    throw ChannelError(fmt::format("'{}' does not let this run in: {}", endpoint_, socket_->door.last()));
   zmq::pollitem_t item{socket_->socket.handle(), 0, ZMQ_POLLIN, 0};
   try {
     zmq::poll(&item, 1, timeout);
@@ -197,6 +280,10 @@ std::optional<v1::Reply> ClientChannel::receive(std::chrono::milliseconds timeou
   return reply;
 }
 
+void ClientChannel::drop_unsent() {
+  socket_->socket.set(zmq::sockopt::linger, 0);
+}
+
 void ClientChannel::wait_for_any(std::span<ClientChannel* const> channels,
                                  std::chrono::milliseconds timeout) {
   std::vector<zmq::pollitem_t> items;
@@ -218,7 +305,9 @@ void ClientChannel::wait_for_any(std::span<ClientChannel* const> channels,
 }
 
 struct ServerChannel::Socket {
+  std::optional<Gatekeeper> gate;  // with keys
   zmq::socket_t socket{context(), zmq::socket_type::router};
+  Doorkeeper door;  // with keys
   int wake = ::eventfd(0, EFD_NONBLOCK | EFD_CLOEXEC);
   int lock = -1;
   std::string lock_path;
@@ -235,14 +324,14 @@ struct ServerChannel::Socket {
   }
 };
 
-ServerChannel::ServerChannel(const std::string& endpoint, bool insecure)
+ServerChannel::ServerChannel(const std::string& endpoint, const ServerSecurity& security)
     : socket_(std::make_unique<Socket>()) {
   check_endpoint(endpoint);
-  if (!is_local(endpoint) && !insecure) {
-    throw ChannelError(fmt::format(
-        "'{}' can be reached from other machines and the channel is neither "
-        "authenticated nor encrypted; bind to 127.0.0.1, or pass --insecure on a network you trust",
-        endpoint));
+  if (!is_local(endpoint) && !security.has_keys() && !security.insecure) {
+    throw ChannelError(
+        fmt::format("'{}' can be reached from other machines: give --key and --allow (`coupler keys` makes "
+                    "them), bind to 127.0.0.1, or pass --insecure on a network you trust",
+                    endpoint));
   }
   if (socket_->wake < 0) throw ChannelError(std::strerror(errno));
   // A second bind on an ipc path succeeds and steals it from the first, so the path is locked by a file
@@ -262,20 +351,32 @@ ServerChannel::ServerChannel(const std::string& endpoint, bool insecure)
   set_limits(socket_->socket, endpoint);
   // Sending to a client that went away must fail: this is how a participant notices that the coupler is gone.
   socket_->socket.set(zmq::sockopt::router_mandatory, true);
+  if (security.has_keys()) {
+    socket_->gate.emplace(context().handle(), security.allowed);
+    give_keys(socket_->socket, security.own);
+    socket_->socket.set(zmq::sockopt::curve_server, true);
+    socket_->socket.set(zmq::sockopt::zap_domain, "estuary");
+    socket_->door.watch(socket_->socket);
+  }
   try {
+    const PrivateFiles only_for_this_user;
     socket_->socket.bind(endpoint);
   } catch (const zmq::error_t& error) {
-    throw ChannelError(fmt::format("cannot bind '{}': {}", endpoint, error.what()));
+    const std::string line = fmt::format("cannot bind '{}': {}", endpoint, error.what());
+    if (error.num() == EADDRINUSE) throw AddressInUse(line);
+    throw ChannelError(line);
   }
 }
 
 ServerChannel::~ServerChannel() = default;
 
 std::optional<ServerChannel::Incoming> ServerChannel::receive(std::chrono::milliseconds timeout) {
-  std::array<zmq::pollitem_t, 2> items{
-      {{socket_->socket.handle(), 0, ZMQ_POLLIN, 0}, {nullptr, socket_->wake, ZMQ_POLLIN, 0}}};
+  std::array<zmq::pollitem_t, 3> items{{{socket_->socket.handle(), 0, ZMQ_POLLIN, 0},
+                                        {nullptr, socket_->wake, ZMQ_POLLIN, 0},
+                                        {socket_->door.handle(), 0, ZMQ_POLLIN, 0}}};
+  const std::size_t waited_for = socket_->door.watches() ? 3 : 2;
   try {
-    zmq::poll(items, timeout);
+    zmq::poll(items.data(), waited_for, timeout);
   } catch (const zmq::error_t& error) {
     if (error.num() == EINTR) return std::nullopt;
     throw;
@@ -284,6 +385,7 @@ std::optional<ServerChannel::Incoming> ServerChannel::receive(std::chrono::milli
     std::uint64_t count = 0;
     [[maybe_unused]] const auto ignored = ::read(socket_->wake, &count, sizeof count);
   }
+  socket_->door.look();
   if ((items[0].revents & ZMQ_POLLIN) == 0) return std::nullopt;
   zmq::message_t identity;
   if (!socket_->socket.recv(identity, zmq::recv_flags::dontwait)) return std::nullopt;
@@ -315,6 +417,14 @@ bool ServerChannel::send(const std::string& client, const v1::Reply& reply) {
 void ServerChannel::wake() {
   const std::uint64_t one = 1;
   [[maybe_unused]] const auto ignored = ::write(socket_->wake, &one, sizeof one);
+}
+
+std::uint64_t ServerChannel::refused() const {
+  return socket_->door.refused();
+}
+
+const std::string& ServerChannel::last_refusal() const {
+  return socket_->door.last();
 }
 
 std::string ServerChannel::bound_endpoint() const {

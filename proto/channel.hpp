@@ -13,6 +13,7 @@
 #include <stdexcept>
 #include <string>
 
+#include "curve_keys.hpp"
 #include "estuary/v1/protocol.pb.h"
 
 namespace estuary {
@@ -28,6 +29,10 @@ struct ChannelError : std::runtime_error {
   using std::runtime_error::runtime_error;
 };
 
+struct AddressInUse : ChannelError {
+  using ChannelError::ChannelError;
+};
+
 /// True for ipc:// and for tcp:// on 127.0.0.0/8, ::1 or localhost.
 [[nodiscard]] bool is_local(const std::string& endpoint);
 
@@ -38,8 +43,9 @@ struct ChannelError : std::runtime_error {
 class ClientChannel {
 public:
   /// Connects in the background; nothing is known about the other side before its first reply.
-  /// Throws ChannelError for an endpoint that cannot be understood.
-  explicit ClientChannel(const std::string& endpoint);
+  /// Throws ChannelError for an endpoint that cannot be understood, or that is not local where there are no
+  /// keys and `security` does not say that this is meant.
+  explicit ClientChannel(const std::string& endpoint, const ClientSecurity& security = {});
   ~ClientChannel();
   ClientChannel(ClientChannel&&) noexcept;
   ClientChannel& operator=(ClientChannel&&) noexcept;
@@ -54,6 +60,8 @@ public:
   /// The next message, or nothing when `timeout` passes. Throws ChannelError when it cannot be read as a
   /// Reply.
   [[nodiscard]] std::optional<v1::Reply> receive(std::chrono::milliseconds timeout);
+  /// What was not sent yet never will be: for a channel that is given up.
+  void drop_unsent();
   /// Waits until one of the channels has a message or `timeout` passes.
   static void wait_for_any(std::span<ClientChannel* const> channels, std::chrono::milliseconds timeout);
 
@@ -76,9 +84,12 @@ private:
 /// The participant's end. One thread only, apart from `wake`.
 class ServerChannel {
 public:
-  /// Binds. Throws ChannelError when the endpoint is taken or not understood, or is not local and `insecure`
-  /// is false.
-  ServerChannel(const std::string& endpoint, bool insecure);
+  /// Binds. Throws ChannelError when the endpoint is taken or not understood, or is not local and `security`
+  /// has neither keys nor says that it is meant to be open. With keys (CurveZMQ) only clients on the list are
+  /// let in, before anything of theirs is read. One channel with keys per process.
+  ServerChannel(const std::string& endpoint, const ServerSecurity& security);
+  ServerChannel(const std::string& endpoint, bool insecure)
+      : ServerChannel(endpoint, ServerSecurity{.insecure = insecure}) {}
   ~ServerChannel();
   ServerChannel(const ServerChannel&) = delete;
   ServerChannel& operator=(const ServerChannel&) = delete;
@@ -93,6 +104,10 @@ public:
   [[nodiscard]] bool send(const std::string& client, const v1::Reply& reply);
   /// Ends the current or next `receive` early. May be called from any thread.
   void wake();
+  /// Connections that were not let in: without a key, with another than those on the list, or not speaking
+  /// ZeroMQ at all; and what was wrong with the last.
+  [[nodiscard]] std::uint64_t refused() const;
+  [[nodiscard]] const std::string& last_refusal() const;
   /// The endpoint with the port actually bound, for "tcp://127.0.0.1:*".
   [[nodiscard]] std::string bound_endpoint() const;
 

@@ -11,8 +11,8 @@
 
 namespace estuary {
 
-RecordWriter::RecordWriter(std::filesystem::path path)
-    : path_(std::move(path)), file_(path_, std::ios::binary) {
+RecordWriter::RecordWriter(std::filesystem::path path, bool go_on)
+    : path_(std::move(path)), file_(path_, go_on ? std::ios::binary | std::ios::app : std::ios::binary) {
   if (!file_) throw std::runtime_error(fmt::format("cannot write {}", path_.string()));
 }
 
@@ -23,6 +23,20 @@ void RecordWriter::add(const v1::Request& request, const v1::Reply& reply) {
   if (request.has_accept() || request.advance().accept()) file_.flush();
   if (!written || !file_)
     throw std::runtime_error(fmt::format("cannot write {}: is the disk full?", path_.string()));
+}
+
+std::uint64_t RecordWriter::position() {
+  file_.flush();
+  return std::filesystem::file_size(path_);
+}
+
+void RecordWriter::go_back(std::uint64_t position) {
+  file_.close();
+  if (std::filesystem::file_size(path_) < position)
+    throw std::runtime_error(fmt::format("{} is shorter than it was", path_.string()));
+  std::filesystem::resize_file(path_, position);
+  file_.open(path_, std::ios::binary | std::ios::app);
+  if (!file_) throw std::runtime_error(fmt::format("cannot write {}", path_.string()));
 }
 
 RecordReader::RecordReader(std::filesystem::path path)

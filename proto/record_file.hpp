@@ -14,10 +14,14 @@ namespace estuary {
 
 class RecordWriter {
 public:
-  /// Begins the file anew. Throws std::runtime_error when it cannot be written.
-  explicit RecordWriter(std::filesystem::path path);
+  /// Begins the file anew, or goes on at its end. Throws std::runtime_error when it cannot be written.
+  explicit RecordWriter(std::filesystem::path path, bool go_on = false);
   /// Throws std::runtime_error when the disk is full.
   void add(const v1::Request& request, const v1::Reply& reply);
+  /// Bytes so far, all of them written.
+  [[nodiscard]] std::uint64_t position();
+  /// Drops what came after `position`. Throws std::runtime_error when the file is shorter.
+  void go_back(std::uint64_t position);
 
 private:
   std::filesystem::path path_;

@@ -301,6 +301,18 @@ std::string Scene::as_run() const {
   return stream.str();
 }
 
+std::string Scene::canonical(std::span<const std::string_view> without) const {
+  toml::table root = document_->root;
+  for (const std::string_view path : without) {
+    const std::size_t dot = path.rfind('.');
+    toml::table* table = dot == std::string_view::npos ? &root : root.at_path(path.substr(0, dot)).as_table();
+    if (table != nullptr) table->erase(path.substr(dot == std::string_view::npos ? 0 : dot + 1));
+  }
+  std::ostringstream stream;
+  stream << toml::toml_formatter(root) << '\n';
+  return stream.str();
+}
+
 std::string describe(std::string_view scene_name, const SceneProblem& problem) {
   std::string place(scene_name);
   if (problem.line > 0) place += fmt::format(":{}", problem.line);

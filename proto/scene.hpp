@@ -102,6 +102,9 @@ public:
   [[nodiscard]] const std::vector<SceneProblem>& problems() const;
   /// The scene with its overrides, as TOML text; the original text when there are none.
   [[nodiscard]] std::string as_run() const;
+  /// The same in one canonical form, without the values at these dotted paths: equal for scenes that mean the
+  /// same otherwise.
+  [[nodiscard]] std::string canonical(std::span<const std::string_view> without) const;
 
 private:
   std::shared_ptr<detail::SceneDocument> document_;

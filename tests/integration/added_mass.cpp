@@ -10,9 +10,11 @@
 // `coupling_error` is the largest relative distance (L2) from it in any window so far, `time_error` the
 // relative distance from the exact motion in continuous time at the window's end.
 #include <Eigen/Dense>
+#include <array>
 #include <cmath>
 #include <numbers>
 
+#include "checkpoint.hpp"
 #include "serve.hpp"
 #include "wet_surface.hpp"
 
@@ -128,11 +130,31 @@ public:
     together_accepted_ = together_;
     accepted_error_ = error_;
   }
-  void save(const std::filesystem::path& /*file*/) override {}
-  void load(const std::filesystem::path& /*file*/) override {}
+  void save(const std::filesystem::path& file) override {
+    CheckpointWriter writer(file);
+    for (const auto& [name, values] : amplitudes()) writer.add(name, {values->data(), size_of(*values)});
+    writer.add("error", std::vector<double>{accepted_error_});
+    writer.add("work", work_);
+    writer.commit();
+  }
+  void load(const std::filesystem::path& file) override {
+    const CheckpointReader reader(file);
+    for (const auto& [name, values] : amplitudes()) reader.read(name, {values->data(), size_of(*values)});
+    now_ = accepted_;
+    together_ = together_accepted_;
+    accepted_error_ = error_ = reader.read_all("error").at(0);
+    work_ = reader.read_count("work");
+  }
   std::vector<std::string> frame(std::uint64_t /*number*/, double /*time*/) override { return {}; }
 
 private:
+  std::array<std::pair<const char*, Array*>, 4> amplitudes() {
+    return {{{"place", &accepted_.place},
+             {"velocity", &accepted_.velocity},
+             {"place together", &together_accepted_.place},
+             {"velocity together", &together_accepted_.velocity}}};
+  }
+  static std::size_t size_of(const Array& values) { return static_cast<std::size_t>(values.size()); }
   // mass a + k u = f + other, with v = v0 + dt a, u = u0 + dt v.
   Modes implicit_step(const Modes& before, const Array& mass, const Array& other, double dt) const {
     const Array acceleration =

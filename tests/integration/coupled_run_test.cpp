@@ -279,7 +279,8 @@ TEST_F(CoupledRun, WrongLengthIsRefused) {
 
 TEST_F(CoupledRun, ACrashEndsTheRunWithinTwoSeconds) {
   const auto scene = write_scene("pressure = 3.0\nslope = 0.5\nmisbehaviour = \"crash\"\nat_window = 2",
-                                 "stiffness = 1.0", "mode = \"transient\"\nwindow = 0.1\nend_time = 1.0");
+                                 "stiffness = 1.0", "mode = \"transient\"\nwindow = 0.1\nend_time = 1.0",
+                                 "[recovery]\nrelaunches = 0\n");
   const auto begin = steady_clock::now();
   const Finished finished = run(scene);
   EXPECT_LT(steady_clock::now() - begin, std::chrono::seconds(4));
@@ -300,8 +301,8 @@ class Killed : public CoupledRun, public testing::WithParamInterface<std::tuple<
 
 TEST_P(Killed, EndsTheRunWithinTwoSecondsAndLeavesNothingBehind) {
   const auto& [victim, signal_number] = GetParam();
-  const auto scene =
-      write_scene("pressure = 3.0\nslope = 0.5\nseconds = 30", "stiffness = 1.0", "mode = \"steady\"");
+  const auto scene = write_scene("pressure = 3.0\nslope = 0.5\nseconds = 30", "stiffness = 1.0",
+                                 "mode = \"steady\"", "[recovery]\nrelaunches = 0\n");
   const auto out = folder_ / "out";
   ChildProcess run({coupler, "run", scene.string(), "--out", out.string()}, folder_ / "coupler.txt");
   // Until the fluid computes its first iteration, which it does once the solid has written its first frame.

@@ -19,6 +19,7 @@
 #include <cmath>
 #include <numbers>
 
+#include "checkpoint.hpp"
 #include "serve.hpp"
 #include "wet_surface.hpp"
 
@@ -189,11 +190,26 @@ public:
     flow_before_ = flow_;
     area_before_ = area_;
   }
-  void save(const std::filesystem::path& /*file*/) override {}
-  void load(const std::filesystem::path& /*file*/) override {}
+  void save(const std::filesystem::path& file) override {
+    CheckpointWriter writer(file);
+    for (const auto& [name, values] : state()) writer.add(name, {values->data(), size_of(*values)});
+    writer.commit();
+  }
+  void load(const std::filesystem::path& file) override {
+    const CheckpointReader reader(file);
+    for (const auto& [name, values] : state()) reader.read(name, {values->data(), size_of(*values)});
+    flow_ = flow_before_;
+    area_ = area_before_;
+  }
   std::vector<std::string> frame(std::uint64_t /*number*/, double /*time*/) override { return {}; }
 
 private:
+  std::array<std::pair<const char*, Vector*>, 3> state() {
+    return {{{"velocity", &flow_before_.velocity},
+             {"pressure", &flow_before_.pressure},
+             {"area", &area_before_}}};
+  }
+  static std::size_t size_of(const Vector& values) { return static_cast<std::size_t>(values.size()); }
   // The coupler's consistent load: the y component of a node's force is minus the mass matrix times the
   // pressures, whatever the displacement along y.
   static Vector pressure_from(const v1::NodalForces& forces) {

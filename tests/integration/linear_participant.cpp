@@ -15,6 +15,7 @@
 #include <limits>
 #include <thread>
 
+#include "checkpoint.hpp"
 #include "field_file.hpp"
 #include "serve.hpp"
 #include "wet_surface.hpp"
@@ -123,8 +124,9 @@ public:
   }
 
   void accept() override {}
-  void save(const std::filesystem::path& /*file*/) override {}
-  void load(const std::filesystem::path& /*file*/) override {}
+  // It has no state: its answers belong to the window's inputs alone.
+  void save(const std::filesystem::path& file) override { CheckpointWriter(file).commit(); }
+  void load(const std::filesystem::path& file) override { const CheckpointReader reader(file); }
 
   std::vector<std::string> frame(std::uint64_t number, double /*time*/) override {
     const std::string name = fmt::format("{}-{:06}.hdf", role_, number);

@@ -12,6 +12,7 @@
 #include <numbers>
 #include <optional>
 
+#include "checkpoint.hpp"
 #include "serve.hpp"
 #include "wet_surface.hpp"
 #include "window_interpolation.hpp"
@@ -131,8 +132,26 @@ public:
     start_value_ = end_value_;
     input_velocity_ = end_velocity_;
   }
-  void save(const std::filesystem::path& /*file*/) override {}
-  void load(const std::filesystem::path& /*file*/) override {}
+  void save(const std::filesystem::path& file) override {
+    CheckpointWriter writer(file);
+    writer.add("input", input_->save());
+    writer.add("state", std::vector<double>{accepted_.place, accepted_.velocity, start_value_.value_or(0),
+                                            input_velocity_});
+    writer.add("begun", static_cast<std::uint64_t>(start_value_.has_value()));
+    writer.add("work", work_);
+    writer.commit();
+  }
+  void load(const std::filesystem::path& file) override {
+    const CheckpointReader reader(file);
+    input_->restore(reader.read_all("input"));
+    std::array<double, 4> values{};
+    reader.read("state", values);
+    accepted_ = now_ = {values[0], values[1]};
+    start_value_.reset();
+    if (reader.read_count("begun") == 1) start_value_ = values[2];
+    input_velocity_ = values[3];
+    work_ = reader.read_count("work");
+  }
   std::vector<std::string> frame(std::uint64_t /*number*/, double /*time*/) override { return {}; }
 
 private:

@@ -2,7 +2,10 @@
 
 #include <gtest/gtest.h>
 
+#include <fstream>
 #include <limits>
+
+#include "temporary_folder.hpp"
 
 namespace estuary {
 namespace {
@@ -33,12 +36,16 @@ public:
     return result;
   }
   void accept() override { calls += "A"; }
-  void save(const std::filesystem::path& file) override { saved = file; }
+  void save(const std::filesystem::path& file) override {
+    saved = file;
+    if (can_save) std::ofstream(file) << "state";
+  }
   void load(const std::filesystem::path& /*file*/) override { calls += "l"; }
   std::vector<std::string> frame(std::uint64_t /*number*/, double /*time*/) override { return {"frame.hdf"}; }
 
   std::string calls;
   std::filesystem::path saved;
+  bool can_save = true;
   void (*fail)() = nullptr;
 };
 
@@ -79,7 +86,8 @@ protected:
   }
   Recorder recorder_;
   ProgressBoard board_;
-  Session session_{recorder_, "/tmp/estuary-session", board_};
+  TemporaryFolder temporary_;
+  Session session_{recorder_, temporary_.path(), board_};
   std::uint64_t sequence_ = 0;
 };
 
@@ -167,8 +175,29 @@ TEST_F(SessionTest, WritesCheckpointsInsideItsFolderOnly) {
   }
   v1::Request request;
   request.mutable_save()->set_file("window-3.h5");
-  EXPECT_TRUE(ask(request).has_done());
-  EXPECT_EQ(recorder_.saved, "/tmp/estuary-session/window-3.h5");
+  const v1::Reply saved = ask(request);
+  EXPECT_TRUE(saved.has_done());
+  EXPECT_EQ(recorder_.saved, temporary_.path() / "window-3.h5");
+  EXPECT_EQ(saved.done().digest().bytes(), 5U);  // "state"
+  recorder_.can_save = false;
+  EXPECT_EQ(ask(request).error().kind(), v1::Error::FAILED);  // and what was there is not taken for it
+}
+
+TEST_F(SessionTest, LoadsOnlyWhatWasSaved) {
+  begin();
+  v1::Request save;
+  save.mutable_save()->set_file("window-3.h5");
+  v1::Request load;
+  load.mutable_load()->set_file("window-3.h5");
+  *load.mutable_load()->mutable_digest() = ask(save).done().digest();
+  EXPECT_TRUE(ask(load).has_done());
+  EXPECT_EQ(recorder_.calls.back(), 'l');
+  recorder_.calls = "-";
+  std::ofstream(temporary_.path() / "window-3.h5") << "statf";
+  EXPECT_NE(ask(load).error().message().find("is damaged"), std::string::npos);
+  std::ofstream(temporary_.path() / "window-3.h5") << "stat";
+  EXPECT_NE(ask(load).error().message().find("is damaged"), std::string::npos);
+  EXPECT_EQ(recorder_.calls, "-");  // it was not even read
 }
 
 }  // namespace

@@ -1,0 +1,79 @@
+#include "coupler_state.hpp"
+
+#include <fmt/format.h>
+
+#include <nlohmann/json.hpp>
+#include <stdexcept>
+
+#include "checkpoint.hpp"
+
+namespace estuary::coupler {
+namespace {
+
+using Json = nlohmann::ordered_json;
+
+// Names and whole numbers as text; what has to keep its bits is in arrays of its own.
+Json description_of(const CouplerState& state) {
+  Json names = Json::array();
+  for (const auto& [name, text] : state.messages) names.push_back(name);
+  return {{"window", state.window}, {"total_iterations", state.total_iterations},
+          {"frame", state.frame},   {"care", state.care},
+          {"record", state.record}, {"messages_record", state.messages_record},
+          {"messages", names}};
+}
+
+}  // namespace
+
+void write_coupler_state(const std::filesystem::path& file, const CouplerState& state) {
+  CheckpointWriter writer(file);
+  writer.add_bytes("description", description_of(state).dump());
+  writer.add("times", std::vector<double>{state.time, state.wall_s, state.history.earlier_duration});
+  writer.add("displacement", state.history.accepted.motion.displacement);
+  writer.add("velocity", state.history.accepted.motion.velocity);
+  writer.add("forces", state.history.accepted.forces);
+  writer.add("earlier velocity", state.history.earlier_velocity);
+  writer.add("clock", state.clock);
+  writer.add("convergence", state.convergence);
+  writer.add("acceleration", state.acceleration);
+  for (const auto& [name, text] : state.messages) writer.add_bytes("message of " + name, text);
+  writer.commit();
+}
+
+CouplerState read_coupler_state(const std::filesystem::path& file) {
+  const CheckpointReader reader(file);
+  CouplerState state;
+  try {
+    const Json description = Json::parse(reader.read_bytes("description"));
+    state.window = description.at("window");
+    state.total_iterations = description.at("total_iterations");
+    state.frame = description.at("frame");
+    state.care = description.at("care");
+    state.record = description.at("record").get<RecordPosition>();
+    state.messages_record = description.at("messages_record").get<std::map<std::string, std::uint64_t>>();
+    for (const auto& name : description.at("messages").get<std::vector<std::string>>())
+      state.messages[name] = reader.read_bytes("message of " + name);
+  } catch (const Json::exception& error) {
+    throw std::runtime_error(
+        fmt::format("{}: its description cannot be read: {}", file.string(), error.what()));
+  }
+  for (const auto& [name, size] : state.record) {
+    // Names of files in the run's own folder, whoever wrote them.
+    const std::filesystem::path path(name);
+    if (path.is_absolute() || name.find("..") != std::string::npos)
+      throw std::runtime_error(fmt::format("{}: names the file '{}'", file.string(), name));
+  }
+  const std::vector<double> times = reader.read_all("times");
+  state.time = times.at(0);
+  state.wall_s = times.at(1);
+  state.history.earlier_duration = times.at(2);
+  state.history.accepted.motion.displacement = reader.read_all("displacement");
+  state.history.accepted.motion.velocity = reader.read_all("velocity");
+  state.history.accepted.forces = reader.read_all("forces");
+  state.history.earlier_velocity = reader.read_all("earlier velocity");
+  state.clock = reader.read_all("clock");
+  state.convergence = reader.read_all("convergence");
+  state.acceleration = reader.read_all("acceleration");
+  return state;
+}
+
+}  // namespace estuary::coupler
