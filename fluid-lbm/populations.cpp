@@ -93,14 +93,13 @@ void Populations::pack(const std::vector<std::uint8_t>& needed) {
   std::vector<std::int32_t> places(static_cast<std::size_t>(layers(nz_) * (ny_ + 2) * pitch_), -1);
   const bool space = nz_ > 0;
   std::ptrdiff_t next = 0;
-  // The last vector of a stretch reaches beyond it, where nothing that counts may lie.
-  const std::ptrdiff_t beyond =
-      (storage() == Storage::single_precision ? Lanes<float>::count : Lanes<double>::count) - 1;
   for (int z = space ? -1 : 0; z <= (space ? nz_ : 0); ++z) {
     for (int y = -1; y <= ny_; ++y) {
-      // As without packing, node 0 of each row starts a cache line.
+      // As without packing, node 0 of each row starts a cache line. The last vector of a stretch reads beyond
+      // it and puts back what it found. Inside a row that may be another stretch: a row of a plane is written
+      // by the nodes of one row only, hence by one thread. Behind the row there has to be room.
+      static_assert(std::max(Lanes<float>::count, Lanes<double>::count) <= cache_line);
       next = round_up(next, cache_line) + cache_line - 1;
-      bool held = true;
       for (int x = -1; x <= nx_; ++x) {
         const bool rim =
             x <= 0 || x >= nx_ - 1 || y <= 0 || y >= ny_ - 1 || (space && (z <= 0 || z >= nz_ - 1));
@@ -109,9 +108,7 @@ void Populations::pack(const std::vector<std::uint8_t>& needed) {
                            static_cast<std::size_t>(y)) *
                               static_cast<std::size_t>(nx_) +
                           static_cast<std::size_t>(x)] != 0;
-        if (held && !holds) next += beyond;
         if (holds) places[static_cast<std::size_t>(node(x, y, z))] = static_cast<std::int32_t>(next++);
-        held = holds;
       }
     }
   }
