@@ -55,22 +55,29 @@ void EdgeLinks::find_edges(const Surface& surface) {
     if (arriving[segments[k].b] == none) arriving[segments[k].b] = k;
   }
   std::vector<double> turn(surface.node_count(), 0.0);
+  double most = 0;
   for (std::size_t n = 0; n < turn.size(); ++n) {
-    if (leaving[n] != none && arriving[n] != none)
-      turn[n] = convex_turn(segments[arriving[n]], segments[leaving[n]]);
+    if (leaving[n] == none || arriving[n] == none) continue;
+    turn[n] = convex_turn(segments[arriving[n]], segments[leaving[n]]);
+    most = std::max(most, turn[n]);
   }
+  std::vector<double> length(segments.size());
+  std::transform(segments.begin(), segments.end(), length.begin(), length_of);
+  // A smooth outline has no two nodes that turn enough together.
+  const double shortest = length.empty() ? 0 : *std::min_element(length.begin(), length.end());
+  if (shortest > 0 && most * (2 * std::floor(window / shortest) + 1) <= weakest_turn) return;
   for (const Segment& at : segments) {
     // Turning near node a, falling off linearly along the outline to both sides.
     double sum = turn[at.a];
     double arc = 0;
     for (std::uint32_t k = leaving[at.a]; k != none; k = leaving[segments[k].b]) {
-      arc += length_of(segments[k]);
+      arc += length[k];
       if (arc >= window || segments[k].b == at.a) break;
       sum += turn[segments[k].b] * (1 - arc / window);
     }
     arc = 0;
     for (std::uint32_t k = arriving[at.a]; k != none; k = arriving[segments[k].a]) {
-      arc += length_of(segments[k]);
+      arc += length[k];
       if (arc >= window || segments[k].a == at.a) break;
       sum += turn[segments[k].a] * (1 - arc / window);
     }

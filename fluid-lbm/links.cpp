@@ -44,8 +44,14 @@ void Links::visit(Node node, const Segment& s, std::uint32_t number, const Cells
     if (determinant == 0) continue;
     const double dx = s.ax - node.x;
     const double dy = s.ay - node.y;
-    double q = (dy * tx - dx * ty) / determinant;
-    double along = (c[0] * dy - c[1] * dx) / determinant;
+    const double q_numerator = dy * tx - dx * ty;
+    const double along_numerator = c[0] * dy - c[1] * dx;
+    // Most links miss the segment by far, which is seen without a division.
+    constexpr double far = 1.01;
+    const double size = far * std::abs(determinant);
+    if (std::abs(q_numerator) > size || std::abs(along_numerator) > size) continue;
+    double q = q_numerator / determinant;
+    double along = along_numerator / determinant;
     // Beside a wall of the grid the surface may cut a link that the wall would cut half-way.
     const double furthest = (neighbour & cell_outside) != 0 ? 0.5 : 1.0 + end_tolerance;
     // A fluid node may lie a little inside the surface; its links into the solid (c . n < 0) are then cut at
