@@ -123,8 +123,13 @@ MoveCounts Flow::place(std::span<const double> positions, std::span<const double
     counts.covered += cells_.set_solid(y, cell_wet_solid, solid[static_cast<std::size_t>(y)], uncovered);
   }
   counts.uncovered = uncovered.size();
-  wet_links_.build(*wet_, cells_, cell_wet_solid, populations_);
-  wet_edges_.build(*wet_, cells_, populations_);
+#pragma omp parallel sections num_threads(std::min(threads(), 2))
+  {
+#pragma omp section
+    wet_links_.build(*wet_, cells_, cell_wet_solid, populations_);
+#pragma omp section
+    wet_edges_.build(*wet_, cells_, populations_);
+  }
   // Links of obstacles look at the node behind, which the wet solid may have covered or left.
   if (obstacles_ && !outline_rule_ && near(bounds_of(*wet_), obstacle_bounds_)) {
     obstacle_links_.build(*obstacles_, cells_, cell_obstacle, populations_);
@@ -325,6 +330,20 @@ BodyLoad Flow::obstacle_load(std::uint32_t body) const {
                         obstacle_edges_.force(outline_bodies_, body);
   load += {{outline.x, outline.y, 0.0}, {0.0, 0.0, outline.moment}};
   return load;
+}
+
+WallCounts Flow::wall_counts() const {
+  WallCounts counts;
+  for (const Links* links : {&wet_links_, &obstacle_links_}) {
+    counts.links += links->counts().links;
+    counts.fallbacks += links->counts().halfway;
+    counts.unresolved += links->counts().unresolved;
+  }
+  for (const WallLinks* links : {&bodies_.links(), &outline_links_}) {
+    counts.links += links->counts().links;
+    counts.fallbacks += links->counts().fallbacks;
+  }
+  return counts;
 }
 
 // Threads meet several times in a step; on few nodes that would take longer than the nodes themselves.

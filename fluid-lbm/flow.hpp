@@ -53,6 +53,13 @@ struct MoveCounts {
   std::size_t orphans = 0;  // uncovered without a fluid node to start from
 };
 
+/// Links to walls between the nodes, and those whose rule lacked a fluid node behind the first: in gaps.
+struct WallCounts {
+  std::size_t links = 0;
+  std::size_t fallbacks = 0;   // by the rule with the next fewer nodes, at last half-way (wall_links.hpp)
+  std::size_t unresolved = 0;  // no cut found on the link: taken as half-way
+};
+
 /// All in lattice units except positions of surfaces [m] and velocities of surfaces [m/s].
 class Flow {
 public:
@@ -139,6 +146,7 @@ public:
   [[nodiscard]] BodyLoad solid_nodes_load() const;
   /// Adds up the bodies' loads in every step from now on.
   void measure_bodies(bool on) { measure_bodies_ = on; }
+  [[nodiscard]] WallCounts wall_counts() const;
   [[nodiscard]] const Links& wet_links() const { return wet_links_; }
   [[nodiscard]] const Links& obstacle_links() const { return obstacle_links_; }
 

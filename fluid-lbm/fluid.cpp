@@ -1,6 +1,7 @@
 #include "fluid.hpp"
 
 #include <fmt/format.h>
+#include <spdlog/spdlog.h>
 
 #include <algorithm>
 #include <cmath>
@@ -46,7 +47,7 @@ v1::Exchange Fluid::start(const v1::Exchange& initial, const std::filesystem::pa
                         (grains_.active() && scene_.grain_method == GrainMethod::interpolated));
   if (flow_->cells().fluid_count() == 0) {
     throw BadInput("initial.wet_surface",
-                   "no fluid is left: the surface encloses the whole domain, or its segments run "
+                   "no fluid is left: obstacles or the surface cover the whole domain, or its segments run "
                    "the wrong way round (the fluid lies to their left)");
   }
   set_initial_fields();
@@ -55,7 +56,24 @@ v1::Exchange Fluid::start(const v1::Exchange& initial, const std::filesystem::pa
     flow_->copy_to(*window_start_);
   }
   check_state();
+  const WallCounts walls = flow_->wall_counts();
+  if (walls.links > 0) spdlog::info("{} links cross walls between the nodes", walls.links);
+  log_walls();
   return {};
+}
+
+// Once, and again when they have become half as many more: bodies that move may open and close gaps in every
+// step.
+void Fluid::log_walls() {
+  const WallCounts walls = flow_->wall_counts();
+  const std::size_t now = walls.fallbacks + walls.unresolved;
+  if (2 * now <= 3 * fallbacks_logged_) return;
+  fallbacks_logged_ = now;
+  spdlog::warn(
+      "step {}: of {} links to walls {} have no fluid node behind the first, as in gaps under two spacings, "
+      "and follow a rule with fewer nodes (at last half-way), {} have no cut with the surface and count as "
+      "half-way; refine, or take wall_rule = \"one-point\"",
+      steps_, walls.links, walls.fallbacks, walls.unresolved);
 }
 
 void Fluid::set_initial_fields() {
@@ -126,6 +144,7 @@ AdvanceResult Fluid::advance(const Window& window, const v1::Exchange& inputs, P
     advance_transient(window, end, progress);
   }
   latest_ = end;
+  log_walls();
   AdvanceResult advanced = result();
   check_result(advanced);
   advanced.remaining_error = remaining;

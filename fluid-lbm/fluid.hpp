@@ -56,6 +56,7 @@ private:
   void restart_exchanged();
   double load_change();
   void check_state();
+  void log_walls();
   void check_progress(ProgressBoard& progress, double fraction, const std::string& note);
   [[nodiscard]] std::size_t steps_at_once() const;
   AdvanceResult result();
@@ -99,6 +100,7 @@ private:
   std::uint64_t steps_ = 0;
   std::uint64_t steps_checked_ = 0;  // when every node was looked at last
   double updates_ = 0;
+  std::size_t fallbacks_logged_ = 0;
   Seconds seconds_;
 };
 

@@ -1,4 +1,5 @@
 // Completion of the nodes that lie on open sides.
+#include <algorithm>
 #include <cmath>
 
 #include "side_frame.hpp"
@@ -49,6 +50,7 @@ struct Context {
   const Side& side;
   bool compressible;
   const std::array<double, 3>& acceleration;
+  bool meets_others = false;  // a second open side, in a corner or an edge
 };
 
 double inverse_of(const Context& context, double excess) {
@@ -200,11 +202,80 @@ void complete_node(Populations& p, const Places<Lattice>& places, std::ptrdiff_t
   }
 }
 
-// Nodes of a side exchange populations with each other and with the same inner nodes, so that all are looked
-// at before any is changed.
+// The open sides that a node lies on, in the order left to front.
+struct SidesAt {
+  SidesAt(const Sides& sides, const std::array<int, 3>& counts, int dimension, const std::array<int, 3>& at) {
+    for (int name = 0; name < side_count(dimension); ++name) {
+      const auto axis = static_cast<std::size_t>(name / 2);
+      if (at[axis] != (name % 2 == 0 ? 0 : counts[axis] - 1)) continue;
+      if (is_open(sides[static_cast<std::size_t>(name)].kind))
+        names[static_cast<std::size_t>(count++)] = name;
+    }
+  }
+  std::array<int, 3> names{};
+  int count = 0;
+};
+
+// A corner or an edge of several open sides. Too few populations are known there for the sides' own rules, so
+// the node takes the non-equilibrium part of the neighbour that is inner to all its sides, as the rule of
+// Guo, Zheng, Shi does for one, with the mean of the velocities that velocity sides give and the pressure of
+// the first pressure side; what none gives is the neighbour's.
 template <class Lattice>
-void let_all_out(Populations& p, Parity parity, const Places<Lattice>& usual, const Cells& cells,
-                 const SideFrame& frame, Side& side, const Context& context) {
+void complete_corner(Populations& p, Parity parity, const Places<Lattice>& usual, const Cells& cells,
+                     const Sides& sides, const std::array<int, 3>& counts, const std::array<int, 3>& at,
+                     const SidesAt& here, const Context& context) {
+  std::array<int, 3> inner = at;
+  std::array<double, 3> velocity{};
+  int velocities = 0;
+  const double* excess = nullptr;
+  for (int n = 0; n < here.count; ++n) {
+    const int name = here.names[static_cast<std::size_t>(n)];
+    const SideFrame frame(name, counts);
+    inner = frame.inner(inner);
+    const Side& side = sides[static_cast<std::size_t>(name)];
+    const auto entry = static_cast<std::size_t>(frame.number(at));
+    if (side.kind == SideKind::outflow) continue;
+    if (side.kind == SideKind::pressure) {
+      if (excess == nullptr) excess = &side.excess[entry];
+      continue;
+    }
+    ++velocities;
+    velocity[0] += side.velocity_x[entry];
+    velocity[1] += side.velocity_y[entry];
+    if (!side.velocity_z.empty()) velocity[2] += side.velocity_z[entry];
+  }
+  // Where an obstacle covers that neighbour, one that is inner to one of two sides only.
+  for (int n = 0; n < here.count && here.count == 2 && !cells.fluid(inner[0], inner[1], inner[2]); ++n)
+    inner = SideFrame(here.names[static_cast<std::size_t>(n)], counts).inner(at);
+  if (!cells.fluid(inner[0], inner[1], inner[2])) inner = at;
+  const std::ptrdiff_t node = p.node(at[0], at[1], at[2]);
+  const std::ptrdiff_t there = p.node(inner[0], inner[1], inner[2]);
+  Places<Lattice> own;
+  const auto f = read<Lattice>(p, places_of(p, parity, there, usual, own).incoming, there);
+  const Moments m = moments_of<Lattice>(f);
+  Moments wanted = m;
+  if (excess != nullptr) wanted.excess = *excess;
+  const double density = context.compressible ? 1 + wanted.excess : 1.0;
+  const double scale = density * inverse_of(context, m.excess);
+  const std::array<double, 3> known{scale * m.momentum_x, scale * m.momentum_y, scale * m.momentum_z};
+  const auto momentum = [&](std::size_t axis) {
+    if (velocities == 0) return known[axis];
+    return density * (velocity[axis] / velocities - 0.5 * context.acceleration[axis]);
+  };
+  wanted.momentum_x = momentum(0);
+  wanted.momentum_y = momentum(1);
+  if (Lattice::dimension == 3) wanted.momentum_z = momentum(2);
+  Places<Lattice> own_here;
+  impose<Lattice>(p, places_of(p, parity, node, usual, own_here), node, wanted, f, m, context);
+}
+
+// Nodes of a side exchange populations with each other and with the same inner nodes, so that all are looked
+// at before any is changed, on this side or another.
+template <class Lattice>
+void let_all_out(Populations& p, Parity parity, const Cells& cells, int name, Side& side,
+                 const Context& context) {
+  const SideFrame frame(name, {p.nx(), p.ny(), p.nz() > 0 ? p.nz() : 1});
+  const Places<Lattice> usual(p, parity, p.node(0, 0, 0));
 #pragma omp single
   side.next.resize(static_cast<std::size_t>(frame.size()));
 #pragma omp for schedule(static)
@@ -224,16 +295,20 @@ void let_all_out(Populations& p, Parity parity, const Places<Lattice>& usual, co
 }
 
 template <class Lattice, class Chosen>
-void complete(Populations& p, Parity parity, const Cells& cells, int name, Side& side,
+void complete(Populations& p, Parity parity, const Cells& cells, int name, Sides& sides,
               const Context& context) {
+  Side& side = sides[static_cast<std::size_t>(name)];
   const SideFrame frame(name, {p.nx(), p.ny(), p.nz() > 0 ? p.nz() : 1});
   const Places<Lattice> usual(p, parity, p.node(0, 0, 0));
   const bool from_inside = side.kind == SideKind::pressure || side.kind == SideKind::outflow;
-  if (side.kind == SideKind::outflow) let_all_out<Lattice>(p, parity, usual, cells, frame, side, context);
 #pragma omp for schedule(static) nowait
   for (int k = 0; k < frame.size(); ++k) {
     const std::array<int, 3> at = frame.node(k);
     if (!cells.fluid(at[0], at[1], at[2])) continue;
+    if (context.meets_others && frame.on_rim(k, Lattice::dimension) &&
+        SidesAt(sides, frame.counts, Lattice::dimension, at).count > 1) {
+      continue;
+    }
     const std::ptrdiff_t node = p.node(at[0], at[1], at[2]);
     const std::array<int, 3> inner = frame.inner(at);
     const auto entry = static_cast<std::size_t>(k);
@@ -254,6 +329,34 @@ void complete(Populations& p, Parity parity, const Cells& cells, int name, Side&
   }
 }
 
+// After the sides, whose nodes may be the inner neighbours. Each node once: at the first of its sides.
+template <class Lattice>
+void complete_corners(Populations& p, Parity parity, const Cells& cells, const Sides& sides,
+                      const Context& context) {
+  const Places<Lattice> usual(p, parity, p.node(0, 0, 0));
+  for (int name = 0; name < side_count(Lattice::dimension); ++name) {
+    if (!is_open(sides[static_cast<std::size_t>(name)].kind)) continue;
+    const SideFrame frame(name, {p.nx(), p.ny(), p.nz() > 0 ? p.nz() : 1});
+#pragma omp for schedule(static) nowait
+    for (int k = 0; k < frame.size(); ++k) {
+      if (!frame.on_rim(k, Lattice::dimension)) continue;
+      const std::array<int, 3> at = frame.node(k);
+      if (!cells.fluid(at[0], at[1], at[2])) continue;
+      const SidesAt here(sides, frame.counts, Lattice::dimension, at);
+      if (here.count < 2 || here.names[0] != name) continue;
+      complete_corner<Lattice>(p, parity, usual, cells, sides, frame.counts, at, here, context);
+    }
+  }
+}
+
+// Whether sides of different axes are open.
+bool open_sides_meet(const Sides& sides, int dimension) {
+  int axes = 0;
+  for (std::size_t axis = 0; axis < static_cast<std::size_t>(dimension); ++axis)
+    axes += is_open(sides[2 * axis].kind) || is_open(sides[2 * axis + 1].kind) ? 1 : 0;
+  return axes > 1;
+}
+
 }  // namespace
 
 void complete_open_sides(Populations& populations, Parity parity, const Cells& cells, Sides& sides,
@@ -262,17 +365,28 @@ void complete_open_sides(Populations& populations, Parity parity, const Cells& c
   const int dimension = populations.lattice().dimension;
   const bool compressible = equilibrium == EquilibriumModel::compressible;
   bool any = false;
+  const bool meet = open_sides_meet(sides, dimension);
+  for (int name = 0; name < side_count(dimension) && !again; ++name) {
+    Side& side = sides[static_cast<std::size_t>(name)];
+    if (side.kind != SideKind::outflow) continue;
+    const Context context{side, compressible, acceleration, meet};
+    if (dimension == 3) {
+      let_all_out<D3Q19>(populations, parity, cells, name, side, context);
+    } else {
+      let_all_out<D2Q9>(populations, parity, cells, name, side, context);
+    }
+  }
   for (int name = 0; name < side_count(dimension); ++name) {
     Side& side = sides[static_cast<std::size_t>(name)];
     if (!is_open(side.kind) || (again && side.kind == SideKind::outflow)) continue;
     any = true;
-    const Context context{side, compressible, acceleration};
+    const Context context{side, compressible, acceleration, meet};
     const auto facing = [&](auto side_facing) {
       using Chosen = decltype(side_facing);
       if (dimension == 3) {
-        complete<D3Q19, Chosen>(populations, parity, cells, name, side, context);
+        complete<D3Q19, Chosen>(populations, parity, cells, name, sides, context);
       } else if constexpr (Chosen::axis < 2) {
-        complete<D2Q9, Chosen>(populations, parity, cells, name, side, context);
+        complete<D2Q9, Chosen>(populations, parity, cells, name, sides, context);
       }
     };
     switch (name) {
@@ -296,9 +410,16 @@ void complete_open_sides(Populations& populations, Parity parity, const Cells& c
         break;
     }
   }
-  if (any) {
+  if (!any) return;
 #pragma omp barrier
+  if (!meet) return;
+  const Context context{sides.front(), compressible, acceleration};
+  if (dimension == 3) {
+    complete_corners<D3Q19>(populations, parity, cells, sides, context);
+  } else {
+    complete_corners<D2Q9>(populations, parity, cells, sides, context);
   }
+#pragma omp barrier
 }
 
 }  // namespace estuary::fluid

@@ -4,6 +4,7 @@
 #include <cmath>
 #include <functional>
 #include <limits>
+#include <optional>
 #include <span>
 #include <stdexcept>
 
@@ -37,6 +38,29 @@ std::array<double, 3> centroid(const std::vector<double>& points, double area) {
   return sum;
 }
 
+// Twice the area of the triangle of three points, positive when they run counter-clockwise.
+double turn(const double* a, const double* b, const double* c) {
+  return (b[0] - a[0]) * (c[1] - a[1]) - (b[1] - a[1]) * (c[0] - a[0]);
+}
+
+// The first two edges that cross each other, counted from 0.
+std::optional<std::array<std::size_t, 2>> crossing_edges(const std::vector<double>& points) {
+  const std::size_t count = points.size() / 2;
+  constexpr std::size_t too_many = 4000;  // every edge is compared with every other
+  if (count > too_many) return std::nullopt;
+  for (std::size_t n = 0; n < count; ++n) {
+    const double* a = &points[2 * n];
+    const double* b = &points[2 * ((n + 1) % count)];
+    for (std::size_t m = n + 2; m < count; ++m) {
+      const double* c = &points[2 * m];
+      const double* d = &points[2 * ((m + 1) % count)];
+      if (turn(a, b, c) * turn(a, b, d) < 0 && turn(c, d, a) * turn(c, d, b) < 0)
+        return std::array<std::size_t, 2>{n, m};
+    }
+  }
+  return std::nullopt;
+}
+
 struct Extent {
   std::array<double, 3> low{};
   std::array<double, 3> high{};
@@ -56,11 +80,23 @@ void warn_about_size(const Extent& extent, int number, const FluidScene& result,
         "obstacle {} is {:.3g} spacings across; below 4 its shape is hardly seen", number, smallest));
   }
   const std::array<int, 3> counts{grid.nx, grid.ny, grid.layers()};
+  const auto to_lattice = [&](std::size_t axis, double at) {
+    return axis == 0 ? grid.to_lattice_x(at) : (axis == 1 ? grid.to_lattice_y(at) : grid.to_lattice_z(at));
+  };
   for (int s = 0; s < side_count(dimension); ++s) {
     const auto axis = static_cast<std::size_t>(s / 2);
-    const double at = axis == 0   ? grid.to_lattice_x(s % 2 == 0 ? extent.low[0] : extent.high[0])
-                      : axis == 1 ? grid.to_lattice_y(s % 2 == 0 ? extent.low[1] : extent.high[1])
-                                  : grid.to_lattice_z(s % 2 == 0 ? extent.low[2] : extent.high[2]);
+    const SideKind kind = result.flow.sides[static_cast<std::size_t>(s)].kind;
+    const double other_end = to_lattice(axis, s % 2 == 0 ? extent.high[axis] : extent.low[axis]);
+    const bool beyond = s % 2 == 0 ? other_end < -0.5 : other_end > counts[axis] - 0.5;
+    if (kind != SideKind::periodic && beyond) {
+      plan.warnings.push_back(fmt::format("obstacle {} lies wholly beyond the {} side and is not there",
+                                          number, side_names[static_cast<std::size_t>(s)]));
+      return;
+    }
+  }
+  for (int s = 0; s < side_count(dimension); ++s) {
+    const auto axis = static_cast<std::size_t>(s / 2);
+    const double at = to_lattice(axis, s % 2 == 0 ? extent.low[axis] : extent.high[axis]);
     const double gap = s % 2 == 0 ? at + 0.5 : counts[axis] - 0.5 - at;
     if (result.flow.sides[static_cast<std::size_t>(s)].kind == SideKind::wall && gap > 0.01 &&
         gap < fewest_spacings) {
@@ -77,6 +113,12 @@ void read_polygon(SceneTable& table, std::string_view key, const std::vector<dou
   const std::size_t count = points.size() / 2;
   if (count < 3) {
     if (!points.empty()) table.problem(key, "an outline needs at least three points");
+    return;
+  }
+  if (const auto crossing = crossing_edges(points)) {
+    table.problem(key,
+                  fmt::format("the edges after the points {} and {} cross: an outline must not cut itself",
+                              (*crossing)[0] + 1, (*crossing)[1] + 1));
     return;
   }
   const double area = signed_area(points);

@@ -59,19 +59,40 @@ void read_sides(SceneTable& fluid, int dimension, FluidScene& result) {
                                        side_names[lonely]));
     }
   }
-  for (std::size_t first = 0; first < count; ++first) {
-    for (std::size_t second = first / 2 * 2 + 2; second < count; ++second) {
-      if (is_open(result.flow.sides[first].kind) && is_open(result.flow.sides[second].kind)) {
-        tables[second]->problem(
-            "type",
-            fmt::format("'{}' and '{}' meet in a corner and neither is a wall or periodic: the corner node "
-                        "would lie on two open sides, which the method cannot complete; make one a wall "
-                        "(it may move) or periodic",
-                        side_names[first], side_names[second]));
-      }
+}
+
+namespace {
+
+// In a domain whose open sides all give a velocity nothing sets the pressure, and what they let in beyond
+// what they let out stays inside.
+void warn_of_unbalanced_flow(const FluidScene& result, const Sides& sides, Plan& plan) {
+  const Grid& grid = result.flow.grid;
+  const int dimension = result.dimension();
+  double net = 0;
+  double all = 0;
+  for (int name = 0; name < side_count(dimension); ++name) {
+    const Side& side = sides[static_cast<std::size_t>(name)];
+    if (side.kind == SideKind::pressure || side.kind == SideKind::outflow) return;
+    if (!is_open(side.kind) || side.velocity_x.empty()) continue;
+    const SideFrame frame(name, {grid.nx, grid.ny, grid.layers()});
+    const auto& normal =
+        frame.axis == 0 ? side.velocity_x : (frame.axis == 1 ? side.velocity_y : side.velocity_z);
+    for (const double velocity : normal) {
+      net -= frame.outward * velocity;
+      all += std::abs(velocity);
     }
   }
+  constexpr double noticeable = 0.01;  // of what passes the sides; beside it their ends count half
+  if (std::abs(net) <= noticeable * all) return;
+  plan.warnings.push_back(fmt::format(
+      "the velocity sides let {:.3g} % of what passes them {} and no side has a pressure: the density inside "
+      "{} "
+      "without end; make one side an outflow or a pressure side",
+      100 * std::abs(net) / all, net > 0 ? "in beyond what they let out," : "out beyond what they let in,",
+      net > 0 ? "grows" : "falls"));
 }
+
+}  // namespace
 
 void check_side_values(SceneTable& fluid, const FluidScene& result, Plan& plan) {
   Sides sides = result.flow.sides;
@@ -106,6 +127,7 @@ void check_side_values(SceneTable& fluid, const FluidScene& result, Plan& plan) 
           fmt::format("the {} side depends on t, which stays 0 in a steady scene", side_names[s]));
     }
   }
+  warn_of_unbalanced_flow(result, sides, plan);
 }
 
 bool SideProfile::constant_in_time() const {

@@ -31,6 +31,10 @@ struct SideFrame {
     at[static_cast<std::size_t>(axis)] = outward < 0 ? 0 : counts[static_cast<std::size_t>(axis)] - 1;
     return at;
   }
+  /// What `node` was given.
+  [[nodiscard]] int number(const std::array<int, 3>& at) const {
+    return at[static_cast<std::size_t>(u)] + along_u() * at[static_cast<std::size_t>(v)];
+  }
   [[nodiscard]] std::array<int, 3> inner(std::array<int, 3> at) const {
     at[static_cast<std::size_t>(axis)] -= outward;
     return at;

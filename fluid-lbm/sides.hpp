@@ -21,6 +21,10 @@
 //
 // periodic: what leaves enters at the opposite side.
 //
+// Corners and edges of open sides: velocity and pressure as far as one of the sides gives them, the rest and
+// the non-equilibrium part from the neighbour that is inner to all of them (the rule of Guo, Zheng, Shi
+// again).
+//
 // Where walls meet, a population that both would reflect belongs to the one later in the order left to
 // front, and each gives the component of velocity along its normal. Where an open side meets a wall, the wall
 // reflects first.

@@ -3,54 +3,19 @@
 #include <algorithm>
 #include <cmath>
 
+#include "sampling.hpp"
+
 namespace estuary::fluid {
 namespace {
-
-struct Sample {
-  std::array<double, 3> velocity{};  // lattice units
-  double excess = 0;
-};
 
 std::array<double, 3> to_lattice(const Grid& grid, const double* point) {
   return {grid.to_lattice_x(point[0]), grid.to_lattice_y(point[1]),
           grid.nz > 0 ? grid.to_lattice_z(point[2]) : 0.0};
 }
 
-// Linear between the nodes around; nodes that are not fluid leave their weight to the others. Zero inside
-// the solid.
-Sample sample_at(const Fields& fields, const Cells& cells, const std::array<double, 3>& at) {
-  const Grid& grid = cells.grid();
-  const int x0 = static_cast<int>(std::floor(at[0]));
-  const int y0 = static_cast<int>(std::floor(at[1]));
-  const int z0 = static_cast<int>(std::floor(at[2]));
-  const int z_last = grid.nz > 0 ? z0 + 1 : z0;
-  Sample sum;
-  double total = 0;
-  for (int z = z0; z <= z_last; ++z) {
-    for (int y = y0; y <= y0 + 1; ++y) {
-      for (int x = x0; x <= x0 + 1; ++x) {
-        const Node node{grid.wrap_x(x), grid.wrap_y(y), grid.wrap_z(z)};
-        if (!grid.inside(node.x, node.y, node.z) || !cells.fluid(node.x, node.y, node.z)) continue;
-        const double weight =
-            (1 - std::abs(at[0] - x)) * (1 - std::abs(at[1] - y)) * (1 - std::abs(at[2] - z));
-        const std::size_t k = grid.index(node.x, node.y, node.z);
-        total += weight;
-        sum.velocity[0] += weight * fields.velocity_x[k];
-        sum.velocity[1] += weight * fields.velocity_y[k];
-        if (grid.nz > 0) sum.velocity[2] += weight * fields.velocity_z[k];
-        sum.excess += weight * fields.excess[k];
-      }
-    }
-  }
-  if (total > 0) {
-    for (double& component : sum.velocity) component /= total;
-    sum.excess /= total;
-  }
-  return sum;
-}
-
-void evaluate_line(const FluidScene& scene, const WatchRequest& watch, const Fields& fields,
-                   const Cells& cells, WatchValues& values) {
+void evaluate_line(const FluidScene& scene, const WatchRequest& watch, const Fields& fields, const Flow& flow,
+                   WatchValues& values) {
+  const Cells& cells = flow.cells();
   const Grid& grid = cells.grid();
   const auto components = static_cast<std::size_t>(grid.dimension());
   const auto from = to_lattice(grid, watch.points.data());
@@ -74,7 +39,7 @@ void evaluate_line(const FluidScene& scene, const WatchRequest& watch, const Fie
     const double fraction = static_cast<double>(n) / (watch.samples - 1);
     std::array<double, 3> at{};
     for (std::size_t axis = 0; axis < 3; ++axis) at[axis] = from[axis] + fraction * along[axis];
-    const auto velocity = sample_at(fields, cells, at).velocity;
+    const auto velocity = sample_at(fields, cells, flow.settings().sides, at).velocity;
     const double across =
         length > 0 ? (velocity[0] * along[1] - velocity[1] * along[0]) * grid.spacing / length : 0;
     if (n > 0) {
@@ -103,27 +68,27 @@ void evaluate_line(const FluidScene& scene, const WatchRequest& watch, const Fie
 }
 
 // Vorticity (its z component) from central differences of samples one spacing away.
-double vorticity_at(const Fields& fields, const Cells& cells, std::array<double, 3> at) {
+double vorticity_at(const Fields& fields, const Flow& flow, std::array<double, 3> at) {
   const auto shifted = [&](std::size_t axis, double by) {
     auto place = at;
     place[axis] += by;
-    return sample_at(fields, cells, place).velocity;
+    return sample_at(fields, flow.cells(), flow.settings().sides, place).velocity;
   };
   return 0.5 * (shifted(0, 1)[1] - shifted(0, -1)[1] - shifted(1, 1)[0] + shifted(1, -1)[0]);
 }
 
 void evaluate_point(const FluidScene& scene, const WatchRequest& watch, const Fields& fields,
-                    const Cells& cells, WatchValues& values) {
+                    const Flow& flow, WatchValues& values) {
   const Units& units = scene.units;
   const double to_velocity = 1 / units.velocity_to_lattice();
-  const auto at = to_lattice(cells.grid(), watch.points.data());
-  const Sample sample = sample_at(fields, cells, at);
+  const auto at = to_lattice(flow.grid(), watch.points.data());
+  const Sample sample = sample_at(fields, flow.cells(), flow.settings().sides, at);
   const auto& v = sample.velocity;
   values.quantities = {{"velocity_x", v[0] * to_velocity}, {"velocity_y", v[1] * to_velocity}};
-  if (cells.grid().nz > 0) values.quantities.emplace_back("velocity_z", v[2] * to_velocity);
+  if (flow.grid().nz > 0) values.quantities.emplace_back("velocity_z", v[2] * to_velocity);
   values.quantities.emplace_back("speed", std::sqrt(v[0] * v[0] + v[1] * v[1] + v[2] * v[2]) * to_velocity);
   values.quantities.emplace_back("pressure", sample.excess * D2Q9::sound_speed_squared * units.stress());
-  values.quantities.emplace_back("vorticity", vorticity_at(fields, cells, at) / units.time_step);
+  values.quantities.emplace_back("vorticity", vorticity_at(fields, flow, at) / units.time_step);
 }
 
 // Relative L2 and largest difference to the velocity a scene gives.
@@ -301,10 +266,10 @@ std::vector<WatchValues> evaluate_watches(const FluidScene& scene, const Fields&
     WatchValues values{watch.name, {}};
     switch (watch.kind) {
       case WatchRequest::Kind::point:
-        evaluate_point(scene, watch, fields, flow.cells(), values);
+        evaluate_point(scene, watch, fields, flow, values);
         break;
       case WatchRequest::Kind::line:
-        evaluate_line(scene, watch, fields, flow.cells(), values);
+        evaluate_line(scene, watch, fields, flow, values);
         break;
       case WatchRequest::Kind::box:
         evaluate_box(scene, watch, fields, flow.cells(), time, values);

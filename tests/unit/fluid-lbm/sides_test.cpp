@@ -4,6 +4,7 @@
 #include <complex>
 
 #include "flow_cases.hpp"
+#include "sampling.hpp"
 
 namespace estuary::fluid {
 namespace {
@@ -73,6 +74,9 @@ TEST(Sides, ApplyingTheRulesTwiceChangesNothing) {
     settings.sides[left].velocity_x.assign(8, 0.05);
     settings.sides[left].velocity_y.assign(8, 0.01);
     settings.sides[right].excess.assign(8, 0.02);
+    // Corners of two open sides, one of which looks at what left its neighbours.
+    settings.sides[top].kind = SideKind::outflow;
+    settings.sides[top].excess.assign(9, 0.01);
     Flow flow(settings);
     const Outline body = disc(4.2, 3.1, 1.7, 12);
     flow.set_wet_surface(body.nodes(), body.connectivity);
@@ -122,6 +126,40 @@ TEST(Sides, PoiseuilleBetweenHalfwayWallsIsExact) {
         EXPECT_NEAR(slope, -8 * viscosity * peak / (ny * ny), 1e-12);
       }
     }
+  }
+}
+
+// Between the nodes watches see cubic fields as they are; beyond the outermost nodes the wall's velocity.
+TEST(Sampling, IsExactForCubicFieldsAndMeetsTheWalls) {
+  auto settings = box(9, 8, 0.1, channel);
+  settings.sides[left].velocity_x.assign(8, 0.0);
+  settings.sides[left].velocity_y.assign(8, 0.0);
+  settings.sides[right].excess.assign(8, 0.0);
+  settings.sides[top].velocity_x.assign(19, 0.3);
+  settings.sides[top].velocity_y.assign(19, -0.1);
+  const Flow flow(settings);
+  const auto value = [](double x, double y) { return 0.1 + x * y - 0.02 * x * x * x + 0.03 * x * y * y * y; };
+  Fields fields;
+  for (int y = 0; y < 8; ++y) {
+    for (int x = 0; x < 9; ++x) {
+      fields.velocity_x.push_back(value(x, y));
+      fields.velocity_y.push_back(-value(x, y));
+      fields.excess.push_back(2 * value(x, y));
+    }
+  }
+  const auto sample = [&](double x, double y) {
+    return sample_at(fields, flow.cells(), flow.settings().sides, {x, y, 0});
+  };
+  for (const double x : {0.0, 0.3, 3.5, 4.0, 7.9, 8.0}) {
+    for (const double y : {0.0, 0.1, 2.5, 6.6, 7.0}) {
+      EXPECT_NEAR(sample(x, y).velocity[0], value(x, y), 1e-12) << x << ' ' << y;
+      EXPECT_NEAR(sample(x, y).velocity[1], -value(x, y), 1e-12);
+      EXPECT_NEAR(sample(x, y).excess, 2 * value(x, y), 1e-12);
+    }
+    EXPECT_NEAR(sample(x, -0.25).velocity[0], 0.5 * value(x, 0), 1e-12);
+    EXPECT_NEAR(sample(x, -0.5).velocity[0], 0.0, 1e-12);
+    EXPECT_NEAR(sample(x, 7.5).velocity[0], 0.3, 1e-12);
+    EXPECT_NEAR(sample(x, 7.5).velocity[1], -0.1, 1e-12);
   }
 }
 
