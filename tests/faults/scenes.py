@@ -152,7 +152,7 @@ def random_cases(count, source):
                 time.sleep(0.05)
             run = Run(scene, out, *options, *keep, "--resume", limit=120)
             run.expect_end(status)
-        expect_same(out, reference)
+        expect_same(out, reference, os.environ.get("ESTUARY_FRAMES") != "0")
         return f"{what}: {'gone on by itself' if ended == status else f'exit {ended}, resumed'}, {took:.1f} s"
 
     for k in range(count):
