@@ -44,8 +44,8 @@ void exchange_with_a_process(benchmark::State& state) {
   CouplingScene scene;
   scene.participants.push_back(
       {.role = "fluid", .command = {LINEAR_PARTICIPANT}, .endpoint = {}, .threads = 1});
-  const std::atomic<bool> interrupt{false};
-  Participants participants(scene, folder.path(), interrupt, {});
+  const std::atomic<int> interrupts{0};
+  Participants participants(scene, folder.path(), false, interrupts, {});
   RemoteParticipant& fluid = *participants.find("fluid");
   v1::Request configure;
   configure.mutable_configure()->set_role("fluid");
