@@ -360,16 +360,16 @@ void read_bodies(SceneTable& solid, SolidScene& result) {
       body.name = table.text_or("name", "body " + std::to_string(result.bodies.size() + 1));
       read_shape(table, result, body);
       const Kind kind = read_kind(table);
-      if (kind == Kind::shell)
-        read_shell(table, body);
-      else if (body.shape == Shape::polyline)
-        table.problem("polyline", "is of a body with kind = \"shell\"");
       if (kind == Kind::rigid) {
         read_rigid(table, result, shared.density, body);
       } else {
         if (!has_ratio && !table.has("poisson_ratio")) table.problem("", "poisson_ratio is missing");
         body.material = read_material(table, &shared);
       }
+      if (kind == Kind::shell)
+        read_shell(table, body);
+      else if (body.shape == Shape::polyline)
+        table.problem("polyline", "is of a body with kind = \"shell\"");
       read_velocity(table, body);
       for (const Side side : read_sides(table, "clamped"))
         body.box.clamped[static_cast<std::size_t>(side)] = true;

@@ -339,7 +339,7 @@ EquilibriumReport NewtonSolver::solve(std::vector<double>& displacement, const L
     report.remaining_change = outcome.change;
     if (outcome.converged) {
       displacement = std::move(trial);
-      reached = next;
+      report.reached = reached = next;
       step *= 2;
       continue;
     }

@@ -1,5 +1,7 @@
 #include "scene_body.hpp"
 
+#include <fmt/format.h>
+
 #include <algorithm>
 #include <cmath>
 #include <stdexcept>
@@ -12,11 +14,17 @@
 namespace estuary::solid {
 
 ShellSection shell_section(const SolidScene& scene, const BodyScene& body) {
-  return {.thickness = body.shell->thickness,
-          .young_modulus = body.shell->modulus(body.material, scene.plane),
+  const ShellScene& shell = *body.shell;
+  return {.thickness = shell.thickness,
+          .young_modulus = shell.modulus(body.material, scene.plane),
           .shear_modulus = 0.5 * body.material.young_modulus / (1 + body.material.poisson_ratio),
-          .shear_correction = body.shell->shear_correction,
-          .density = body.material.density};
+          .shear_correction = shell.shear_correction,
+          .density = body.material.density,
+          .plasticity = body.material.plasticity,
+          .plane_factor = scene.plane == Plane::strain ? 2 / std::sqrt(3.0) : 1.0,
+          .hinge = shell.hinge,
+          .shear_weight = shell.shear_weight,
+          .rupture = shell.rupture};
 }
 
 namespace {
@@ -138,6 +146,32 @@ public:
     return result;
   }
 
+  /// Where the nearest particle would have been, for a message.
+  [[nodiscard]] std::string nearest() const {
+    if (!place_.stretch && !place_.region) return "";
+    const auto [x0, y0, x1, y1] = place_.stretch ? *place_.stretch : *place_.region;
+    double best = 1e300, x = 0, y = 0;
+    for (std::size_t i = 0; i < body_.particles(); ++i) {
+      if (body_.member[i] != place_.body) continue;
+      const double px = body_.position[2 * i], py = body_.position[2 * i + 1];
+      double nx = std::clamp(px, std::min(x0, x1), std::max(x0, x1)),
+             ny = std::clamp(py, std::min(y0, y1), std::max(y0, y1));
+      if (place_.stretch) {
+        const double squared = (x1 - x0) * (x1 - x0) + (y1 - y0) * (y1 - y0);
+        const double s = std::clamp(((px - x0) * (x1 - x0) + (py - y0) * (y1 - y0)) / squared, 0.0, 1.0);
+        nx = x0 + s * (x1 - x0);
+        ny = y0 + s * (y1 - y0);
+      }
+      const double distance = std::hypot(px - nx, py - ny);
+      if (distance < best) {
+        best = distance;
+        x = px;
+        y = py;
+      }
+    }
+    return fmt::format("; the nearest particle is at ({:.6g}, {:.6g}) m, {:.2g} m away", x, y, best);
+  }
+
 private:
   const Body& body_;
   Place place_;
@@ -195,7 +229,8 @@ Body build_body(const SolidScene& scene) {
           body.fixed[i] = static_cast<std::uint8_t>(body.fixed[i] | kRotationFixed);
       }
     if (count == 0)
-      throw std::invalid_argument("[[solid.hold]] number " + std::to_string(h + 1) + " meets no particle");
+      throw std::invalid_argument("[[solid.hold]] number " + std::to_string(h + 1) + " meets no particle" +
+                                  selection.nearest());
   }
   return body;
 }
@@ -282,7 +317,7 @@ Loading build_loading(const SolidScene& scene, const Body& body,
       std::vector<std::uint32_t> chosen;
       for (std::uint32_t i = 0; i < body.size(); ++i)
         if (selection.holds(i)) chosen.push_back(i);
-      if (chosen.empty()) throw std::invalid_argument("a [[solid.load]] meets no particle of the shell");
+      if (chosen.empty()) throw std::invalid_argument("a [[solid.load]] meets no particle of the shell" + selection.nearest());
       ParticleLoad load;
       load.particle = chosen;
       for (std::size_t k = 0; k < chosen.size(); ++k)
@@ -296,7 +331,7 @@ Loading build_loading(const SolidScene& scene, const Body& body,
         loading.loads.push_back(std::move(load));
       continue;
     }
-    if (segments.empty()) throw std::invalid_argument("a [[solid.load]] meets no segment of a contour");
+    if (segments.empty()) throw std::invalid_argument("a [[solid.load]] meets no segment of a contour" + selection.nearest());
     if (!scene_load.pressure.empty()) {
       PressureLoad load;
       load.segment = segments;

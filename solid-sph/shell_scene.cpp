@@ -13,6 +13,26 @@ void read_shell(SceneTable& table, BodyScene& body) {
   shell.thickness = table.number("thickness", Range::positive());
   shell.closed = table.boolean_or("closed", false);
   shell.shear_correction = table.number_or("shear_correction", 5.0 / 6.0, {.minimum = 0.1, .maximum = 1.0});
+  constexpr std::array<std::string_view, 3> hinges{"growing", "section", "skin"};
+  const std::string hinge = table.choice("hinge", hinges);
+  shell.hinge = hinge == "section" ? Hinge::section : hinge == "skin" ? Hinge::skin : Hinge::growing;
+  shell.shear_weight = table.number_or("shear_weight", 1.0, {.minimum = 0.0, .maximum = 1.0});
+  for (const char* key : {"hinge", "shear_weight"})
+    if (table.has(key) && body.material.plasticity.yield.empty())
+      table.problem(key, "is of a shell with a `yield_stress`");
+  if (auto rupture = table.table_if("rupture")) {
+    shell.rupture.stretch = rupture->number_or("stretch", 0, Range::not_negative());
+    shell.rupture.shear = rupture->number_or("shear", 0, Range::not_negative());
+    shell.rupture.plastic_strain = rupture->number_or("plastic_strain", 0, Range::not_negative());
+    shell.rupture.energy = rupture->number_or("energy", 0, Range::not_negative());
+    if (!shell.rupture.any())
+      rupture->problem("", "give at least one of `stretch`, `shear`, `plastic_strain` and `energy` [J/m2]");
+    if (shell.rupture.plastic_strain > 0 && body.material.plasticity.yield.empty())
+      rupture->problem("plastic_strain", "is of a shell with a `yield_stress`");
+  }
+  const Plasticity& plasticity = body.material.plasticity;
+  if (plasticity.reference_rate > 0 || plasticity.damage_limit > 0)
+    table.problem(plasticity.damage_limit > 0 ? "damage" : "reference_rate", "has no meaning for shells");
   if (body.shape != Shape::polyline) table.problem("kind", "a shell is a `polyline` with a `thickness`");
   if (shell.closed && body.shape == Shape::polyline && body.loops.front().size() < 3)
     table.problem("closed", "a closed shell needs at least three points");
@@ -26,15 +46,18 @@ void check_shells(SceneTable& solid, const SolidScene& scene) {
   if (!(scene.spacing > 0) || solid.has("particles_across"))
     solid.problem("particles_across", "a shell is one row of particles; give `spacing`");
   for (const char* key :
-       {"law", "yield_stress", "placement", "clamp", "periodic", "correction", "kernel", "smoothing_ratio",
+       {"placement", "clamp", "periodic", "correction", "kernel", "smoothing_ratio",
         "stabilisation", "stress_points", "formulation", "viscosity_linear", "viscosity_quadratic",
         "conservative_smoothing", "hourglass_viscosity", "contact", "wet"})
     if (solid.has(key)) solid.problem(key, "has no meaning for shells");
   if (scene.mode == Mode::steady && scene.method != SteadyMethod::relaxation)
     solid.problem("steady", "a shell's equilibrium is found by method = \"relaxation\"");
-  for (const HoldScene& hold : scene.holds)
-    if (!hold.displacement[0].empty() || !hold.displacement[1].empty())
-      solid.problem("hold", "a shell can be held, not moved");
+  if (solid.has("law") && !scene.plastic())
+    solid.problem("law", "a shell is elastic, or law = \"j2_plasticity\" with a `yield_stress`");
+  if (scene.mode == Mode::steady && std::any_of(scene.bodies.begin(), scene.bodies.end(), [](const BodyScene& body) {
+        return body.shell && body.shell->rupture.any();
+      }))
+    solid.problem("rupture", "is of transient runs");
 }
 
 double ShellScene::modulus(const MaterialScene& material, Plane plane) const {

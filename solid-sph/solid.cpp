@@ -282,6 +282,7 @@ double Solid::find_equilibrium(const Window& window, const Monitor& monitor) {
     report.steps += one.steps;
     report.residual = one.residual;
     report.remaining_change = one.remaining_change;
+    report.reached = one.reached;
     if (!one.converged || rounds == 1) break;
     double change = 0, size = 0;
     for (std::size_t c = 0; c < before.size(); ++c) {
@@ -295,11 +296,13 @@ double Solid::find_equilibrium(const Window& window, const Monitor& monitor) {
   work_.steps += report.steps;
   work_.updates += static_cast<double>(report.steps) * static_cast<double>(body_.particles());
   if (!report.converged) {
-    throw NotConverged(fmt::format("no equilibrium after {} {}: residual {:.2e} of the load, estimated "
-                                   "remaining change {:.2e} of the "
-                                   "displacement, wanted {:.1e}",
-                                   report.steps, newton_ ? "linear solves" : "steps", report.residual,
-                                   report.remaining_change, scene_.steady.tolerance),
+    const std::string so_far =
+        newton_ ? fmt::format("found up to {:.3g} % of the load", 100 * report.reached)
+                : fmt::format("residual {:.2e} of the load, estimated remaining change {:.2e} of the "
+                              "displacement, wanted {:.1e}",
+                              report.residual, report.remaining_change, scene_.steady.tolerance);
+    throw NotConverged(fmt::format("no equilibrium after {} {}: {}", report.steps,
+                                   newton_ ? "linear solves" : "steps", so_far),
                        newton_ ? "the load may be beyond what the body can carry; try [solid.steady] method "
                                  "= \"relaxation\", more "
                                  "particles_across, or a larger maximum_steps"
@@ -518,6 +521,25 @@ std::vector<std::pair<std::string, double>> Solid::body_quantities(std::size_t m
   return result;
 }
 
+// What the method knows beyond displacements and stresses, in place of what is there under the same name.
+void Solid::add_quantities(const Transfer& transfer, NamedValues& quantities) const {
+  NamedValues sum;
+  for (std::size_t e = 0; e < transfer.weight.size(); ++e) {
+    const NamedValues one = solver_->quantities_of(transfer.touched[transfer.position[e]], state_);
+    if (sum.empty())
+      for (const auto& [name, value] : one) sum.emplace_back(name, 0.0);
+    for (std::size_t k = 0; k < one.size(); ++k) sum[k].second += transfer.weight[e] * one[k].second;
+  }
+  for (const auto& entry : sum) {
+    const auto same = std::find_if(quantities.begin(), quantities.end(),
+                                   [&](const auto& other) { return other.first == entry.first; });
+    if (same != quantities.end())
+      same->second = entry.second;
+    else
+      quantities.push_back(entry);
+  }
+}
+
 std::vector<WatchValues> Solid::watch_values(double time) {
   std::vector<WatchValues> values;
   if (contact_) {
@@ -540,12 +562,7 @@ std::vector<WatchValues> Solid::watch_values(double time) {
           {"velocity_x", v[0]},     {"velocity_y", v[1]},         {"cauchy_xx", stress[0]},
           {"cauchy_yy", stress[1]}, {"cauchy_xy", stress[2]},     {"cauchy_zz", stress[3]},
           {"von_mises", stress[4]}, {"plastic_strain", stress[5]}};
-      if (scene_.shells()) {
-        std::array<double, 2> turn{};
-        interpolate(*watch.transfer, state_.history, turn);
-        entry.quantities.emplace_back("rotation", turn[0]);
-        entry.quantities.emplace_back("angular_velocity", turn[1]);
-      }
+      add_quantities(*watch.transfer, entry.quantities);
     } else {
       double largest = 0;
       for (std::size_t i = 0; i < body_.size(); ++i)
@@ -574,7 +591,7 @@ std::vector<WatchValues> Solid::watch_values(double time) {
       const double kinetic = solver_->kinetic_energy(state_),
                    internal =
                        solver_->energy(state_.displacement) + springs + (contact_ ? contact_->energy() : 0.0),
-                   plastic = solver_->plastic_work();
+                   plastic = solver_->plastic_work(), fracture = solver_->fracture_work();
       entry.quantities = {{"kinetic_energy", kinetic},   {"internal_energy", internal},
                           {"plastic_work", plastic},     {"maximum_displacement", largest},
                           {"reaction_x", force[0]},      {"reaction_y", force[1]},
@@ -586,8 +603,12 @@ std::vector<WatchValues> Solid::watch_values(double time) {
         entry.quantities.emplace_back("external_work", state_.external_work);
         entry.quantities.emplace_back("viscous_work", state_.viscous_work);
         entry.quantities.emplace_back(
-            "total_energy", kinetic + internal + plastic + state_.viscous_work - state_.external_work);
+            "total_energy",
+            kinetic + internal + plastic + fracture + state_.viscous_work - state_.external_work);
       }
+      if (scene_.breaks()) entry.quantities.emplace_back("fracture_work", fracture);
+      const NamedValues more = solver_->totals(state_);
+      entry.quantities.insert(entry.quantities.end(), more.begin(), more.end());
     }
     values.push_back(std::move(entry));
   }

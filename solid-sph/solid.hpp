@@ -50,6 +50,7 @@ private:
   [[nodiscard]] std::uint64_t steps_for(double duration);
   void fill_displacements(v1::Displacements& field) const;
   [[nodiscard]] std::vector<WatchValues> watch_values(double time);
+  void add_quantities(const Transfer& transfer, NamedValues& quantities) const;
   [[nodiscard]] std::array<double, 3> reaction(double time);
   /// Cauchy xx yy xy zz, von Mises and equivalent plastic strain of a particle.
   [[nodiscard]] std::array<double, 6> particle_stress(std::size_t particle) const;

@@ -13,7 +13,7 @@ std::array<double, 6> Solid::particle_stress(std::size_t i) const {
   const double zz = solver_->stress_across(i), xy = 0.5 * (sigma.xy + sigma.yx);
   const double a = sigma.xx - sigma.yy, b = sigma.yy - zz, c = zz - sigma.xx;
   const auto& history = solver_->history();
-  const double plastic = !scene_.plastic() ? 0.0 : history[J2Plasticity::history_size * i + 4];
+  const double plastic = !scene_.plastic() || scene_.shells() ? 0.0 : history[J2Plasticity::history_size * i + 4];
   return {sigma.xx, sigma.yy, xy, zz, std::sqrt(0.5 * (a * a + b * b + c * c) + 3 * xy * xy), plastic};
 }
 
@@ -34,7 +34,7 @@ void Solid::write_particles(const std::filesystem::path& file) const {
   for (auto& values : stress) values.resize(n);
   for (auto& values : gradient) values.resize(n);
   const auto& history = solver_->history();
-  std::vector<double> damage(scene_.plastic() ? n : 0);
+  std::vector<double> damage(scene_.plastic() && !scene_.shells() ? n : 0);
   for (std::size_t i = 0; i < n; ++i) {
     for (std::size_t c = 0; c < 2; ++c)
       position[2 * i + c] = body_.position[2 * i + c] + state_.displacement[2 * i + c];
@@ -62,6 +62,14 @@ void Solid::write_particles(const std::filesystem::path& file) const {
     views.push_back({"plastic_strain", 1, stress[5]});
     views.push_back({"damage", 1, damage});
   }
+  std::vector<std::vector<double>> more;
+  const NamedValues names = n > 0 ? solver_->quantities_of(0, state_) : NamedValues{};
+  more.assign(names.size(), std::vector<double>(n));
+  for (std::size_t i = 0; !names.empty() && i < n; ++i) {
+    const NamedValues one = solver_->quantities_of(i, state_);
+    for (std::size_t k = 0; k < one.size(); ++k) more[k][i] = one[k].second;
+  }
+  for (std::size_t k = 0; k < names.size(); ++k) views.push_back({names[k].first, 1, more[k]});
   write_points(file, 2, position, {}, views);
 }
 

@@ -170,6 +170,11 @@ bool SolidScene::shells() const {
                      [](const BodyScene& body) { return body.shell.has_value(); });
 }
 
+bool SolidScene::breaks() const {
+  return std::any_of(bodies.begin(), bodies.end(),
+                     [](const BodyScene& body) { return body.shell && body.shell->rupture.any(); });
+}
+
 double SolidScene::wave_speed(std::size_t body) const {
   return std::sqrt(constants(body).wave_modulus() / bodies[body].material.density);
 }

@@ -9,6 +9,7 @@
 #include "outline_filling.hpp"
 #include "participant.hpp"
 #include "scene.hpp"
+#include "shell_section.hpp"
 #include "solver.hpp"
 
 namespace estuary::solid {
@@ -41,6 +42,9 @@ struct ShellScene {
   double thickness = 0;  // [m]
   bool closed = false;
   double shear_correction = 5.0 / 6.0;
+  Hinge hinge = Hinge::growing;
+  double shear_weight = 1;
+  RuptureLimits rupture;
 
   /// E' [Pa].
   [[nodiscard]] double modulus(const MaterialScene& material, Plane plane) const;
@@ -147,6 +151,8 @@ struct SolidScene {
   }
   [[nodiscard]] bool all_rigid() const;
   [[nodiscard]] bool shells() const;
+  /// Whether anything can break.
+  [[nodiscard]] bool breaks() const;
   [[nodiscard]] ElasticConstants constants(std::size_t body) const;
   [[nodiscard]] double wave_speed(std::size_t body) const;
   [[nodiscard]] double fastest_wave() const;

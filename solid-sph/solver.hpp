@@ -9,6 +9,7 @@
 #include <span>
 #include <stdexcept>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include "internal_force.hpp"
@@ -28,6 +29,8 @@ struct Breakdown : std::runtime_error {
 /// Called now and then with the share of the request done and a note; it may throw to end the computation.
 using Monitor = std::function<void(double fraction, const std::string& note)>;
 
+using NamedValues = std::vector<std::pair<std::string, double>>;
+
 struct EquilibriumSettings {
   double tolerance = 1e-6;
   std::uint64_t maximum_steps = 0;
@@ -39,6 +42,7 @@ struct EquilibriumReport {
   double residual = 0;          // |F_ext + F_int| over free particles, relative to |F_ext|
   double remaining_change = 0;  // estimated displacement still to come, relative to the displacement
   bool stable = true;           // false when Newton's method found an unstable equilibrium
+  double reached = 0;           // share of the load up to which Newton's method found one
 };
 
 /// What one body is made of.
@@ -88,6 +92,8 @@ public:
   [[nodiscard]] virtual double stretch_across(std::size_t particle) const = 0;
   /// Dissipated by plastic flow and damage up to the last commit [J/m].
   [[nodiscard]] virtual double plastic_work() const = 0;
+  /// Elastic energy that rupture has set free up to the last commit [J/m].
+  [[nodiscard]] virtual double fracture_work() const { return 0; }
   [[nodiscard]] virtual bool symmetric_tangent() const = 0;
 
   /// Advances by `steps` equal steps of velocity Verlet (Swope et al. 1982; with mass damping, second order
@@ -107,6 +113,9 @@ public:
   [[nodiscard]] virtual double kinetic_energy(const State& state) const;
   /// Angular momentum of particles that turn about themselves [kg m2/s per m].
   [[nodiscard]] virtual double spin(const State&) const { return 0; }
+  /// What else a method knows about the whole body, and about a particle.
+  [[nodiscard]] virtual NamedValues totals(const State&) const { return {}; }
+  [[nodiscard]] virtual NamedValues quantities_of(std::size_t, const State&) const { return {}; }
   /// Sum of the moments that hold rotations of particles, of the last evaluation [N m/m].
   [[nodiscard]] virtual double held_moment() const { return 0; }
   /// Force of the loading's end values at `time` on every particle, gravity included [N/m].

@@ -1,0 +1,468 @@
+#include "shell_row.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+#include <stdexcept>
+
+namespace estuary::solid {
+namespace {
+
+using Vector = std::array<double, 2>;
+
+Vector normal_of(double angle) {
+  return {std::cos(angle), std::sin(angle)};
+}
+double inner(const Vector& a, const Vector& b) {
+  return a[0] * b[0] + a[1] * b[1];
+}
+
+// Stiffness against further stretch, relative to rest, of 1/2 (s^2 - 1) and of ln s.
+double stretched(double s, bool logarithmic) {
+  return std::max(1.0, logarithmic ? (1 - std::log(s)) / (s * s) : 0.5 * (3 * s * s - 1));
+}
+
+}  // namespace
+
+Body fill_row(std::span<const Vector> points, bool closed, double spacing, const ShellSection& section) {
+  Body body;
+  double total = 0;
+  std::size_t links = 0;
+  const std::size_t pieces = closed ? points.size() : points.size() - 1;
+  for (std::size_t p = 0; p < pieces; ++p) {
+    const Vector &from = points[p], &to = points[(p + 1) % points.size()];
+    const double length = std::hypot(to[0] - from[0], to[1] - from[1]);
+    if (!(length > 1e-3 * spacing)) throw std::invalid_argument("two points of its polyline coincide");
+    const auto parts = static_cast<std::size_t>(std::max(1.0, std::round(length / spacing)));
+    for (std::size_t k = 0; k < parts; ++k) {
+      const double share = static_cast<double>(k) / static_cast<double>(parts);
+      body.position.insert(body.position.end(),
+                           {from[0] + share * (to[0] - from[0]), from[1] + share * (to[1] - from[1])});
+    }
+    total += length;
+    links += parts;
+  }
+  if (!closed) body.position.insert(body.position.end(), {points.back()[0], points.back()[1]});
+  const std::size_t n = body.position.size() / 2;
+  body.spacing = {total / static_cast<double>(links), total / static_cast<double>(links)};
+  body.smoothing_length = body.spacing[0];
+  body.volume.assign(n, 0.0);
+  Outline outline;
+  outline.closed = closed;
+  for (std::size_t i = 0; i < n; ++i) outline.particle.push_back(static_cast<std::uint32_t>(i));
+  for (std::size_t i = 0; i < (closed ? n : n - 1); ++i) {
+    const std::size_t j = (i + 1) % n;
+    const double length = std::hypot(body.position[2 * j] - body.position[2 * i],
+                                     body.position[2 * j + 1] - body.position[2 * i + 1]);
+    for (const std::size_t end : {i, j}) body.volume[end] += 0.5 * length * section.thickness;
+  }
+  body.energy_volume = body.volume;
+  for (const double v : body.volume) body.mass.push_back(section.density * v);
+  body.fixed.assign(n, 0);
+  body.edge.assign(n, 1);
+  body.member.assign(n, 0);
+  body.outlines.push_back(std::move(outline));
+  body.outline_member.push_back(0);
+  return body;
+}
+
+Transfer row_transfer(const Body& body, const Vector& place) {
+  double best = std::numeric_limits<double>::infinity(), share = 0;
+  std::array<std::uint32_t, 2> ends{};
+  for (const Outline& outline : body.outlines) {
+    const std::size_t n = outline.particle.size();
+    for (std::size_t k = 0; k < (outline.closed ? n : n - 1); ++k) {
+      const std::uint32_t a = outline.particle[k], b = outline.particle[(k + 1) % n];
+      const Vector from{body.position[2 * a], body.position[2 * a + 1]},
+          along{body.position[2 * b] - from[0], body.position[2 * b + 1] - from[1]},
+          to{place[0] - from[0], place[1] - from[1]};
+      const double s = std::clamp(inner(to, along) / inner(along, along), 0.0, 1.0);
+      const double distance = std::hypot(to[0] - s * along[0], to[1] - s * along[1]);
+      if (!(distance < best)) continue;
+      best = distance;
+      share = s;
+      ends = {a, b};
+    }
+  }
+  Transfer transfer;
+  transfer.first = {0, 2};
+  transfer.position = {0, 1};
+  transfer.touched = {ends[0], ends[1]};
+  transfer.weight = {1 - share, share};
+  return transfer;
+}
+
+ShellRow::ShellRow(const Body& body, std::vector<ShellSection> sections)
+    : body_(body), sections_(std::move(sections)), local_(body.size(), kNone) {
+  for (std::size_t i = 0; i < body.particles(); ++i)
+    if (sections_[body.member[i]].thickness > 0) {
+      local_[i] = static_cast<std::uint32_t>(particle_.size());
+      particle_.push_back(static_cast<std::uint32_t>(i));
+    }
+  const std::size_t n = size();
+  before_.assign(n, kNone);
+  after_.assign(n, kNone);
+  fibre_angle_.resize(n);
+  inertia_.assign(n, 0.0);
+  moment_.assign(n, 0.0);
+  for (const ShellSection& section : sections_) {
+    if (!(section.thickness > 0)) continue;
+    breakable_ = breakable_ || section.rupture.any();
+    remembers_ = remembers_ || section.plastic() || section.rupture.any();
+  }
+  for (std::size_t o = 0; o < body.outlines.size(); ++o) {
+    const Outline& outline = body.outlines[o];
+    const ShellSection& section = sections_[body.outline_member[o]];
+    if (!(section.thickness > 0)) continue;
+    const std::size_t count = outline.particle.size();
+    for (std::size_t k = 0; k < (outline.closed ? count : count - 1); ++k) {
+      Link link{};
+      const std::uint32_t i = outline.particle[k], j = outline.particle[(k + 1) % count];
+      link.a = local_[i];
+      link.b = local_[j];
+      const double dx = body.position[2 * j] - body.position[2 * i],
+                   dy = body.position[2 * j + 1] - body.position[2 * i + 1];
+      link.length = std::hypot(dx, dy);
+      link.tangent = {dx / link.length, dy / link.length};
+      link.membrane = section.membrane();
+      link.shear = section.shear();
+      link.bending = section.bending();
+      link.member = body.outline_member[o];
+      after_[link.a] = before_[link.b] = static_cast<std::uint32_t>(links_.size());
+      links_.push_back(link);
+    }
+  }
+  // The fibre at a particle is normal to the mean of its links' directions.
+  for (std::size_t i = 0; i < n; ++i) {
+    Vector t{};
+    const ShellSection& section = sections_[body.member[particle_[i]]];
+    for (const std::uint32_t l : {before_[i], after_[i]}) {
+      if (l == kNone) continue;
+      for (std::size_t c = 0; c < 2; ++c) t[c] += links_[l].tangent[c];
+      inertia_[i] += 0.5 * links_[l].length * section.density * std::pow(section.thickness, 3) / 12;
+    }
+    fibre_angle_[i] = std::atan2(t[0], -t[1]);
+    rest_fibre_.push_back(normal_of(fibre_angle_[i]));
+  }
+  for (Link& link : links_) {
+    const Vector na = rest_fibre_[link.a], nb = rest_fibre_[link.b];
+    link.shear_rest = 0.5 * (inner(link.tangent, na) + inner(link.tangent, nb));
+    link.curvature_rest = (inner(link.tangent, nb) - inner(link.tangent, na)) / link.length;
+  }
+  at_.resize(links_.size());
+  fibre_ = rest_fibre_;
+}
+
+std::vector<double> ShellRow::rest_history() const {
+  return std::vector<double>(2 * size() + (remembers_ ? kLinkHistory * links_.size() : 0), 0.0);
+}
+
+void ShellRow::pull(std::span<const double> displacement, std::span<double> history, bool commit,
+                    std::size_t l) {
+  const Link& link = links_[l];
+  LinkState& now = at_[l];
+  const std::size_t pa = particle_[link.a], pb = particle_[link.b];
+  Vector x{}, mean{}, slope{};
+  const Vector &na = fibre_[link.a], &nb = fibre_[link.b];
+  for (std::size_t c = 0; c < 2; ++c) {
+    x[c] = link.tangent[c] + (displacement[2 * pb + c] - displacement[2 * pa + c]) / link.length;
+    mean[c] = 0.5 * (na[c] + nb[c]);
+    slope[c] = (nb[c] - na[c]) / link.length;
+  }
+  const double squared = inner(x, x), gamma = inner(x, mean) - link.shear_rest,
+               kappa = inner(x, slope) - link.curvature_rest;
+  now.stretch = std::sqrt(squared);
+  now.shear_strain = gamma;
+  if (broken(history, l)) {
+    now = {.force = {}, .shear = {}, .bending = {}, .normal_force = 0, .shear_force = 0, .moment = 0,
+           .stretch = now.stretch, .shear_strain = gamma, .energy = 0, .stored = 0};
+    return;
+  }
+  const ShellSection& section = sections_[link.member];
+  if (section.plastic()) {
+    double* own = &history[2 * size() + kLinkHistory * l];
+    // The membrane strain is ln s: work-conjugate to N s^2, N that of 1/2 (s^2 - 1).
+    const SectionAnswer answer =
+        flow(section, {0.5 * std::log(squared), gamma, kappa}, own, commit ? own : nullptr);
+    now.normal_force = answer.resultant.membrane / squared;
+    now.shear_force = answer.resultant.shear;
+    now.moment = answer.resultant.bending;
+    now.stored = link.length * answer.stored;
+    now.energy = now.stored + (commit ? 0 : link.length * answer.dissipated);
+  } else {
+    const double e = 0.5 * (squared - 1);
+    now.normal_force = link.membrane * e;
+    now.shear_force = link.shear * gamma;
+    now.moment = link.bending * kappa;
+    now.energy = now.stored =
+        0.5 * link.length * (now.normal_force * e + now.shear_force * gamma + now.moment * kappa);
+  }
+  for (std::size_t c = 0; c < 2; ++c) {
+    now.force[c] = now.normal_force * x[c] + now.shear_force * mean[c] + now.moment * slope[c];
+    now.shear[c] = now.shear_force * x[c];
+    now.bending[c] = now.moment * x[c];
+  }
+}
+
+void ShellRow::gather(std::span<const double> displacement, std::size_t i, Fields& fields) {
+  const std::size_t p = particle_[i];
+  const Vector normal = fibre_[i], across{-normal[1], normal[0]};  // and its derivative by the angle
+  Vector force{};
+  double moment = 0;
+  if (after_[i] != kNone) {
+    const LinkState& link = at_[after_[i]];
+    for (std::size_t c = 0; c < 2; ++c) force[c] += link.force[c];
+    moment += inner(link.bending, across) - 0.5 * links_[after_[i]].length * inner(link.shear, across);
+  }
+  if (before_[i] != kNone) {
+    const LinkState& link = at_[before_[i]];
+    for (std::size_t c = 0; c < 2; ++c) force[c] -= link.force[c];
+    moment -= inner(link.bending, across) + 0.5 * links_[before_[i]].length * inner(link.shear, across);
+  }
+  for (std::size_t c = 0; c < 2; ++c) fields.force[2 * p + c] += force[c];
+  moment_[i] = moment;
+  // The mid-line's direction and the fibre, from the reference's.
+  const Vector rest = rest_fibre_[i];
+  Vector x{};
+  double links = 0;
+  for (const std::uint32_t l : {before_[i], after_[i]}) {
+    if (l == kNone) continue;
+    const Link& link = links_[l];
+    for (std::size_t c = 0; c < 2; ++c)
+      x[c] += link.tangent[c] +
+              (displacement[2 * particle_[link.b] + c] - displacement[2 * particle_[link.a] + c]) / link.length;
+    links += 1;
+  }
+  double* f = &fields.deformation_gradient[4 * p];
+  for (std::size_t c = 0; c < 2; ++c) {
+    // The reference direction is the fibre turned back by a quarter.
+    f[2 * c] = x[c] / links * rest[1] + normal[c] * rest[0];
+    f[2 * c + 1] = -x[c] / links * rest[0] + normal[c] * rest[1];
+  }
+}
+
+std::int64_t ShellRow::evaluate(std::span<const double> displacement, std::span<double> history, bool commit,
+                                Fields& fields) {
+  const std::size_t count = links_.size(), n = size();
+#pragma omp parallel for schedule(static) if (n > kSerialBelow)
+  for (std::size_t i = 0; i < n; ++i) fibre_[i] = normal_of(fibre_angle_[i] + history[2 * i]);
+#pragma omp parallel for schedule(static) if (n > kSerialBelow)
+  for (std::size_t l = 0; l < count; ++l) pull(displacement, history, commit, l);
+  std::int64_t bad = 0;
+#pragma omp parallel for schedule(static) reduction(+ : bad) if (n > kSerialBelow)
+  for (std::size_t i = 0; i < n; ++i) {
+    gather(displacement, i, fields);
+    const std::size_t p = particle_[i];
+    if (!std::isfinite(fields.force[2 * p] + fields.force[2 * p + 1] + moment_[i])) ++bad;
+  }
+  return bad;
+}
+
+// The largest ratio of what a link bears to its limit; 0 of a broken one.
+double ShellRow::overload(std::span<const double> history, std::size_t l) const {
+  const ShellSection& section = sections_[links_[l].member];
+  const RuptureLimits& limit = section.rupture;
+  if (!limit.any() || broken(history, l)) return 0;
+  const double* own = memory(history, l);
+  double worst = 0;
+  const auto compare = [&](double value, double bound) {
+    if (bound > 0) worst = std::max(worst, value / bound);
+  };
+  compare(at_[l].stretch - 1, limit.stretch);
+  compare(std::abs(at_[l].shear_strain), limit.shear);
+  compare(own[3], limit.plastic_strain);
+  compare(at_[l].stored + links_[l].length * own[5], limit.energy * section.thickness);
+  return worst;
+}
+
+std::size_t ShellRow::break_links(std::span<double> history) {
+  std::vector<std::size_t> chosen;
+  for (std::size_t l = 0; breakable_ && l < links_.size(); ++l) {
+    const double own = overload(history, l);
+    if (!(own > 1)) continue;
+    // Of neighbours past their limits only the worst breaks in a step: it unloads the others.
+    const std::uint32_t before = before_[links_[l].a], after = after_[links_[l].b];
+    if (before != kNone && overload(history, before) >= own) continue;
+    if (after != kNone && overload(history, after) > own) continue;
+    chosen.push_back(l);
+  }
+  for (const std::size_t l : chosen) {
+    double* own = &history[2 * size() + kLinkHistory * l];
+    own[kSectionHistory] = 1;
+    own[kSectionHistory + 1] = at_[l].stored;
+  }
+  return chosen.size();
+}
+
+void ShellRow::drop_broken(std::span<const double> history, Loading& loading) const {
+  const auto gone = [&](const std::array<std::uint32_t, 2>& segment) {
+    const std::uint32_t a = local_[segment[0]], b = local_[segment[1]];
+    if (a == kNone || b == kNone) return false;
+    const std::uint32_t l = after_[a];
+    return l != kNone && links_[l].b == b && broken(history, l);
+  };
+  for (TractionLoad& load : loading.tractions) std::erase_if(load.segment, gone);
+  for (PressureLoad& load : loading.pressures) std::erase_if(load.segment, gone);
+}
+
+double ShellRow::energy() const {
+  double sum = 0;
+  for (const LinkState& link : at_) sum += link.energy;
+  return sum;
+}
+
+double ShellRow::plastic_work(std::span<const double> history) const {
+  double sum = 0;
+  for (std::size_t l = 0; remembers_ && l < links_.size(); ++l)
+    sum += links_[l].length * memory(history, l)[5];
+  return sum;
+}
+
+double ShellRow::fracture_work(std::span<const double> history) const {
+  double sum = 0;
+  for (std::size_t l = 0; breakable_ && l < links_.size(); ++l)
+    sum += memory(history, l)[kSectionHistory + 1];
+  return sum;
+}
+
+void ShellRow::add_moments(const Loading& loading, double time) {
+  for (const MomentLoad& load : loading.moments) {
+    const double each =
+        load.moment * (load.factor ? load.factor(time) : 1.0) / static_cast<double>(load.particle.size());
+    for (const std::uint32_t i : load.particle) moment_[local_[i]] += each;
+  }
+}
+
+double ShellRow::moment_work(const Loading& loading, double time, double dt,
+                             std::span<const double> history) const {
+  double sum = 0;
+  for (const MomentLoad& load : loading.moments) {
+    const double each =
+        load.moment * (load.factor ? load.factor(time) : 1.0) / static_cast<double>(load.particle.size());
+    for (const std::uint32_t i : load.particle) sum += each * history[2 * local_[i] + 1] * dt;
+  }
+  return sum;
+}
+
+void ShellRow::turn(std::span<double> history, double dt, double decay, double gain, bool ends) const {
+  const std::size_t n = size();
+#pragma omp parallel for schedule(static) if (n > kSerialBelow)
+  for (std::size_t i = 0; i < n; ++i) {
+    if (!turns(i)) continue;
+    const double kick = 0.5 * dt * moment_[i] / inertia_[i];
+    double& rate = history[2 * i + 1];
+    rate = ends ? gain * (rate + kick) : decay * rate + kick;
+    if (!ends) history[2 * i] += dt * rate;
+  }
+}
+
+double ShellRow::kinetic_energy(std::span<const double> history) const {
+  double sum = 0;
+  for (std::size_t i = 0; i < size(); ++i)
+    sum += 0.5 * inertia_[i] * history[2 * i + 1] * history[2 * i + 1];
+  return sum;
+}
+
+double ShellRow::spin(std::span<const double> history) const {
+  double sum = 0;
+  for (std::size_t i = 0; i < size(); ++i) sum += inertia_[i] * history[2 * i + 1];
+  return sum;
+}
+
+double ShellRow::held_moment() const {
+  double sum = 0;
+  for (std::size_t i = 0; i < size(); ++i)
+    if (!turns(i)) sum -= moment_[i];
+  return sum;
+}
+
+double ShellRow::squared_frequency() const {
+  double squared = 0;
+  for (const Link& link : links_) {
+    const ShellSection& s = sections_[link.member];
+    const double length = 4 / (link.length * link.length);
+    squared = std::max(
+        {squared, s.young_modulus / s.density * length,
+         s.shear_correction * s.shear_modulus / s.density * (length + 12 / (s.thickness * s.thickness))});
+  }
+  return squared;
+}
+
+double ShellRow::stiffening_at(std::size_t i) const {
+  double value = 1;
+  for (const std::uint32_t l : {before_[i], after_[i]})
+    if (l != kNone)
+      value = std::max(value, stretched(at_[l].stretch, sections_[links_[l].member].plastic()));
+  return value;
+}
+
+double ShellRow::largest_stiffening() const {
+  double value = 1;
+  for (std::size_t l = 0; l < links_.size(); ++l)
+    value = std::max(value, stretched(at_[l].stretch, sections_[links_[l].member].plastic()));
+  return value;
+}
+
+Tensor<double> ShellRow::first_piola_kirchhoff_at(std::size_t i) const {
+  const double h = sections_[body_.member[particle_[i]]].thickness;
+  const Vector rest = rest_fibre_[i];
+  Vector stress{};
+  double links = 0;
+  for (const std::uint32_t l : {before_[i], after_[i]}) {
+    if (l == kNone) continue;
+    for (std::size_t c = 0; c < 2; ++c) stress[c] += at_[l].force[c] / h;
+    links += 1;
+  }
+  const Vector t{rest[1] / links, -rest[0] / links};
+  return {stress[0] * t[0], stress[0] * t[1], stress[1] * t[0], stress[1] * t[1]};
+}
+
+std::array<double, 4> ShellRow::section_at(std::size_t i, std::span<const double> history) const {
+  std::array<double, 4> value{};
+  double links = 0;
+  for (const std::uint32_t l : {before_[i], after_[i]}) {
+    if (l == kNone) continue;
+    value[0] += at_[l].normal_force * at_[l].stretch;
+    value[1] += at_[l].shear_force;
+    value[2] += at_[l].moment;
+    if (remembers_) value[3] += memory(history, l)[3];
+    links += 1;
+  }
+  for (double& v : value) v /= links;
+  return value;
+}
+
+std::array<double, 4> ShellRow::losses(std::span<const double> history) const {
+  std::array<double, 4> result{};
+  for (std::size_t l = 0; l < links_.size(); ++l) {
+    if (!broken(history, l)) continue;
+    const double* own = memory(history, l);
+    result[0] += 1;
+    result[3] += links_[l].length * own[5] + own[kSectionHistory + 1];
+  }
+  for (std::size_t i = 0; result[0] > 0 && i < size(); ++i) {
+    const auto holds = [&](std::uint32_t l) { return l != kNone && !broken(history, l); };
+    if (holds(before_[i]) || holds(after_[i])) continue;
+    result[1] += 1;
+    result[2] += body_.mass[particle_[i]];
+  }
+  return result;
+}
+
+void ShellRow::relaxation_masses(std::vector<double>& mass, std::vector<double>& inertia) const {
+  mass.assign(size(), 0.0);
+  inertia.assign(size(), 0.0);
+  for (const Link& link : links_)
+    for (const std::uint32_t i : {link.a, link.b}) {
+      mass[i] += 0.25 * (2 * link.membrane + 3 * link.shear) / link.length;
+      inertia[i] += 0.25 * (1.5 * link.shear * link.length + 2 * link.bending / link.length);
+    }
+}
+
+double ShellRow::round_off() const {
+  double sum = 0;
+  for (const Link& link : links_) sum += link.membrane * link.membrane;
+  return 4 * std::numeric_limits<double>::epsilon() * std::sqrt(sum);
+}
+
+}  // namespace estuary::solid

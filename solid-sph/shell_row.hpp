@@ -1,0 +1,135 @@
+// Rows of particles on the mid-lines of shells, joined by links: the particles, and the forces and moments
+// that a motion makes in them. What the equations are is in shell.hpp.
+#pragma once
+
+#include <array>
+#include <cstdint>
+#include <span>
+#include <vector>
+
+#include "internal_force.hpp"
+#include "loading.hpp"
+#include "shell_section.hpp"
+#include "surface_transfer.hpp"
+
+namespace estuary::solid {
+
+/// A row of particles along a polyline, each straight piece divided evenly; the last piece closes it when
+/// `closed`. Its outline has the left of the walk outside. Throws std::invalid_argument when a piece is
+/// shorter than a thousandth of the spacing.
+Body fill_row(std::span<const std::array<double, 2>> points, bool closed, double spacing,
+              const ShellSection& section);
+
+/// The point of the rows nearest to a place: linear between its two particles.
+Transfer row_transfer(const Body& body, const std::array<double, 2>& place);
+
+/// Bit of Body::fixed: the rotation of a particle of a shell does not move.
+inline constexpr std::uint8_t kRotationFixed = 8;
+
+/// History: rotation [rad] and its rate [1/s] of each particle of the rows, in their order in the body; then,
+/// when any section flows or breaks, kSectionHistory values of each link, 1 once it is broken, and the elastic
+/// energy that its breaking set free [J/m].
+class ShellRow {
+public:
+  static constexpr std::size_t kLinkHistory = kSectionHistory + 2;
+
+  /// One section for each member of the body; those without thickness are no shells.
+  ShellRow(const Body& body, std::vector<ShellSection> sections);
+
+  [[nodiscard]] std::size_t size() const { return particle_.size(); }
+  [[nodiscard]] const std::vector<std::uint32_t>& particles() const { return particle_; }
+  [[nodiscard]] bool remembers() const { return remembers_; }
+  [[nodiscard]] bool breakable() const { return breakable_; }
+  [[nodiscard]] std::vector<double> rest_history() const;
+
+  /// Stresses of a state: forces are added to `fields.force` and deformation gradients set; with `commit` what
+  /// has flowed stays in `history`. Returns the number of particles with values that are not finite.
+  std::int64_t evaluate(std::span<const double> displacement, std::span<double> history, bool commit,
+                        Fields& fields);
+  /// Breaks links of the state last evaluated that are past a limit, the worst of each group of neighbours.
+  /// Returns how many.
+  std::size_t break_links(std::span<double> history);
+  /// Takes pressures and tractions on broken links out.
+  void drop_broken(std::span<const double> history, Loading& loading) const;
+
+  // Of the state last evaluated, per metre of depth.
+  /// Elastic energy, and what the increment would dissipate [J/m].
+  [[nodiscard]] double energy() const;
+  [[nodiscard]] double plastic_work(std::span<const double> history) const;
+  /// Elastic energy set free by breaking [J/m].
+  [[nodiscard]] double fracture_work(std::span<const double> history) const;
+  /// Adds the moments of a loading at `time`.
+  void add_moments(const Loading& loading, double time);
+  /// Of the loading's moments during a step of `dt` at the rates in `history` [J/m].
+  [[nodiscard]] double moment_work(const Loading& loading, double time, double dt,
+                                   std::span<const double> history) const;
+  /// Half kick of the rates by the moments, and the drift of the rotations when the step begins with it.
+  void turn(std::span<double> history, double dt, double decay, double gain, bool ends) const;
+
+  [[nodiscard]] double kinetic_energy(std::span<const double> history) const;  // of the rotation
+  [[nodiscard]] double spin(std::span<const double> history) const;
+  [[nodiscard]] double held_moment() const;
+  /// Largest squared frequency of a single link [1/s2], an upper bound of that of the rows.
+  [[nodiscard]] double squared_frequency() const;
+  /// How much the stretch stiffens at a particle of the rows, relative to rest.
+  [[nodiscard]] double stiffening_at(std::size_t local) const;
+  /// Of the mid-line: (N x' + T n) / h across it.
+  [[nodiscard]] Tensor<double> first_piola_kirchhoff_at(std::size_t local) const;
+  /// Mean of the links at a particle: normal, transverse shear force and moment, and plastic strain.
+  [[nodiscard]] std::array<double, 4> section_at(std::size_t local, std::span<const double> history) const;
+  /// Broken links; particles that no link holds any more, and their mass [kg/m]; what the broken links have
+  /// taken up, elastic and plastic [J/m].
+  [[nodiscard]] std::array<double, 4> losses(std::span<const double> history) const;
+
+  // For the relaxation.
+  /// A quarter of the sums of the stiffness over a row, with rotations measured by the displacement they make
+  /// along a link: masses that bound the frequency by 2 (Gershgorin).
+  void relaxation_masses(std::vector<double>& mass, std::vector<double>& inertia) const;
+  /// Forces that rounding alone leaves [N/m].
+  [[nodiscard]] double round_off() const;
+  [[nodiscard]] double largest_stiffening() const;
+  [[nodiscard]] std::vector<double>& moments() { return moment_; }
+  [[nodiscard]] bool turns(std::size_t local) const {
+    return (body_.fixed[particle_[local]] & kRotationFixed) == 0;
+  }
+
+private:
+  static constexpr std::uint32_t kNone = 0xffffffffU;
+  // Between particles `a` and `b` of the rows.
+  struct Link {
+    std::uint32_t a, b;
+    double length;
+    std::array<double, 2> tangent;      // reference
+    double shear_rest, curvature_rest;  // X'.n_0, X'.n_0'
+    double membrane, shear, bending;    // E' h, k G h, E' h^3 / 12
+    std::uint32_t member;
+  };
+  struct LinkState {
+    std::array<double, 2> force, shear, bending;  // N x' + T n + M n', T x', M x'
+    double normal_force, shear_force, moment, stretch, shear_strain, energy, stored;
+  };
+  [[nodiscard]] const double* memory(std::span<const double> history, std::size_t link) const {
+    return &history[2 * size() + kLinkHistory * link];
+  }
+  [[nodiscard]] bool broken(std::span<const double> history, std::size_t link) const {
+    return breakable_ && memory(history, link)[kSectionHistory] != 0;
+  }
+  [[nodiscard]] double overload(std::span<const double> history, std::size_t link) const;
+  void pull(std::span<const double> displacement, std::span<double> history, bool commit, std::size_t link);
+  void gather(std::span<const double> displacement, std::size_t local, Fields& fields);
+
+  const Body& body_;
+  std::vector<ShellSection> sections_;
+  bool remembers_ = false, breakable_ = false;
+  std::vector<std::uint32_t> particle_;  // of the body, ascending
+  std::vector<std::uint32_t> local_;     // of every particle of the body
+  std::vector<Link> links_;
+  std::vector<LinkState> at_;
+  std::vector<std::uint32_t> before_, after_;  // links that end and begin at a particle
+  std::vector<double> fibre_angle_;            // of the reference fibres [rad]
+  std::vector<double> inertia_;                // rotary [kg m2/m]
+  std::vector<std::array<double, 2>> rest_fibre_, fibre_;
+  std::vector<double> moment_;  // on every particle [N m/m]
+};
+
+}  // namespace estuary::solid
