@@ -152,7 +152,7 @@ public:
     const auto [x0, y0, x1, y1] = place_.stretch ? *place_.stretch : *place_.region;
     double best = 1e300, x = 0, y = 0;
     for (std::size_t i = 0; i < body_.particles(); ++i) {
-      if (body_.member[i] != place_.body) continue;
+      if (!place_.every_body && body_.member[i] != place_.body) continue;
       const double px = body_.position[2 * i], py = body_.position[2 * i + 1];
       double nx = std::clamp(px, std::min(x0, x1), std::max(x0, x1)),
              ny = std::clamp(py, std::min(y0, y1), std::max(y0, y1));
@@ -317,7 +317,8 @@ Loading build_loading(const SolidScene& scene, const Body& body,
       std::vector<std::uint32_t> chosen;
       for (std::uint32_t i = 0; i < body.size(); ++i)
         if (selection.holds(i)) chosen.push_back(i);
-      if (chosen.empty()) throw std::invalid_argument("a [[solid.load]] meets no particle of the shell" + selection.nearest());
+      if (chosen.empty())
+        throw std::invalid_argument("a [[solid.load]] meets no particle of the shell" + selection.nearest());
       ParticleLoad load;
       load.particle = chosen;
       for (std::size_t k = 0; k < chosen.size(); ++k)
@@ -331,7 +332,8 @@ Loading build_loading(const SolidScene& scene, const Body& body,
         loading.loads.push_back(std::move(load));
       continue;
     }
-    if (segments.empty()) throw std::invalid_argument("a [[solid.load]] meets no segment of a contour" + selection.nearest());
+    if (segments.empty())
+      throw std::invalid_argument("a [[solid.load]] meets no segment of a contour" + selection.nearest());
     if (!scene_load.pressure.empty()) {
       PressureLoad load;
       load.segment = segments;

@@ -55,7 +55,9 @@ double ShellSolver::kinetic_energy(const State& state) const {
 NamedValues ShellSolver::totals(const State& state) const {
   if (!row_.breakable()) return {};
   const auto lost = row_.losses(state.history);
-  return {{"broken_links", lost[0]}, {"isolated_particles", lost[1]}, {"isolated_mass", lost[2]},
+  return {{"broken_links", lost[0]},
+          {"isolated_particles", lost[1]},
+          {"isolated_mass", lost[2]},
           {"rupture_energy", lost[3]}};
 }
 
@@ -133,7 +135,8 @@ void ShellSolver::advance(State& state, const Loading& given, double duration, s
     state.external_work += external.work() + guide.work(fields_.force, {});
     kick(true);
     if (damping > 0) {
-      state.viscous_work += 2 * dt * damping * (Solver::kinetic_energy(state) + row_.kinetic_energy(history_));
+      state.viscous_work +=
+          2 * dt * damping * (Solver::kinetic_energy(state) + row_.kinetic_energy(history_));
     }
     if (step % 128 == 0) monitor(fraction, "shell");
   }

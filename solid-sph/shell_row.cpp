@@ -174,8 +174,16 @@ void ShellRow::pull(std::span<const double> displacement, std::span<double> hist
   now.stretch = std::sqrt(squared);
   now.shear_strain = gamma;
   if (broken(history, l)) {
-    now = {.force = {}, .shear = {}, .bending = {}, .normal_force = 0, .shear_force = 0, .moment = 0,
-           .stretch = now.stretch, .shear_strain = gamma, .energy = 0, .stored = 0};
+    now = {.force = {},
+           .shear = {},
+           .bending = {},
+           .normal_force = 0,
+           .shear_force = 0,
+           .moment = 0,
+           .stretch = now.stretch,
+           .shear_strain = gamma,
+           .energy = 0,
+           .stored = 0};
     return;
   }
   const ShellSection& section = sections_[link.member];
@@ -229,8 +237,9 @@ void ShellRow::gather(std::span<const double> displacement, std::size_t i, Field
     if (l == kNone) continue;
     const Link& link = links_[l];
     for (std::size_t c = 0; c < 2; ++c)
-      x[c] += link.tangent[c] +
-              (displacement[2 * particle_[link.b] + c] - displacement[2 * particle_[link.a] + c]) / link.length;
+      x[c] +=
+          link.tangent[c] +
+          (displacement[2 * particle_[link.b] + c] - displacement[2 * particle_[link.a] + c]) / link.length;
     links += 1;
   }
   double* f = &fields.deformation_gradient[4 * p];
@@ -358,8 +367,7 @@ void ShellRow::turn(std::span<double> history, double dt, double decay, double g
 
 double ShellRow::kinetic_energy(std::span<const double> history) const {
   double sum = 0;
-  for (std::size_t i = 0; i < size(); ++i)
-    sum += 0.5 * inertia_[i] * history[2 * i + 1] * history[2 * i + 1];
+  for (std::size_t i = 0; i < size(); ++i) sum += 0.5 * inertia_[i] * history[2 * i + 1] * history[2 * i + 1];
   return sum;
 }
 
@@ -391,8 +399,7 @@ double ShellRow::squared_frequency() const {
 double ShellRow::stiffening_at(std::size_t i) const {
   double value = 1;
   for (const std::uint32_t l : {before_[i], after_[i]})
-    if (l != kNone)
-      value = std::max(value, stretched(at_[l].stretch, sections_[links_[l].member].plastic()));
+    if (l != kNone) value = std::max(value, stretched(at_[l].stretch, sections_[links_[l].member].plastic()));
   return value;
 }
 

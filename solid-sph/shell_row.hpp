@@ -27,8 +27,8 @@ Transfer row_transfer(const Body& body, const std::array<double, 2>& place);
 inline constexpr std::uint8_t kRotationFixed = 8;
 
 /// History: rotation [rad] and its rate [1/s] of each particle of the rows, in their order in the body; then,
-/// when any section flows or breaks, kSectionHistory values of each link, 1 once it is broken, and the elastic
-/// energy that its breaking set free [J/m].
+/// when any section flows or breaks, kSectionHistory values of each link, 1 once it is broken, and the
+/// elastic energy that its breaking set free [J/m].
 class ShellRow {
 public:
   static constexpr std::size_t kLinkHistory = kSectionHistory + 2;
@@ -42,8 +42,8 @@ public:
   [[nodiscard]] bool breakable() const { return breakable_; }
   [[nodiscard]] std::vector<double> rest_history() const;
 
-  /// Stresses of a state: forces are added to `fields.force` and deformation gradients set; with `commit` what
-  /// has flowed stays in `history`. Returns the number of particles with values that are not finite.
+  /// Stresses of a state: forces are added to `fields.force` and deformation gradients set; with `commit`
+  /// what has flowed stays in `history`. Returns the number of particles with values that are not finite.
   std::int64_t evaluate(std::span<const double> displacement, std::span<double> history, bool commit,
                         Fields& fields);
   /// Breaks links of the state last evaluated that are past a limit, the worst of each group of neighbours.

@@ -46,17 +46,17 @@ void check_shells(SceneTable& solid, const SolidScene& scene) {
   if (!(scene.spacing > 0) || solid.has("particles_across"))
     solid.problem("particles_across", "a shell is one row of particles; give `spacing`");
   for (const char* key :
-       {"placement", "clamp", "periodic", "correction", "kernel", "smoothing_ratio",
-        "stabilisation", "stress_points", "formulation", "viscosity_linear", "viscosity_quadratic",
-        "conservative_smoothing", "hourglass_viscosity", "contact", "wet"})
+       {"placement", "clamp", "periodic", "correction", "kernel", "smoothing_ratio", "stabilisation",
+        "stress_points", "formulation", "viscosity_linear", "viscosity_quadratic", "conservative_smoothing",
+        "hourglass_viscosity", "contact", "wet"})
     if (solid.has(key)) solid.problem(key, "has no meaning for shells");
   if (scene.mode == Mode::steady && scene.method != SteadyMethod::relaxation)
     solid.problem("steady", "a shell's equilibrium is found by method = \"relaxation\"");
   if (solid.has("law") && !scene.plastic())
     solid.problem("law", "a shell is elastic, or law = \"j2_plasticity\" with a `yield_stress`");
-  if (scene.mode == Mode::steady && std::any_of(scene.bodies.begin(), scene.bodies.end(), [](const BodyScene& body) {
-        return body.shell && body.shell->rupture.any();
-      }))
+  if (scene.mode == Mode::steady &&
+      std::any_of(scene.bodies.begin(), scene.bodies.end(),
+                  [](const BodyScene& body) { return body.shell && body.shell->rupture.any(); }))
     solid.problem("rupture", "is of transient runs");
 }
 

@@ -94,7 +94,9 @@ struct Return {
     const double tolerance = 1e-12 * (equivalent + first);
     if (value < -tolerance) at(root([&](double mu) { return at(mu); }, 0, first, high, value, tolerance));
   }
-  [[nodiscard]] double plastic_curvature() const { return (trial.bending - now.bending) / section->bending(); }
+  [[nodiscard]] double plastic_curvature() const {
+    return (trial.bending - now.bending) / section->bending();
+  }
 };
 
 double first_yield_curvature(const ShellSection& section) {
@@ -151,14 +153,13 @@ SectionAnswer flow(const ShellSection& section, const SectionVector& strain, con
   const SectionVector& s = back.now;
   SectionAnswer answer;
   answer.resultant = s;
-  answer.stored = 0.5 * (s.membrane * s.membrane / section.membrane() +
-                         s.shear * s.shear / section.shear() + s.bending * s.bending / section.bending());
+  answer.stored = 0.5 * (s.membrane * s.membrane / section.membrane() + s.shear * s.shear / section.shear() +
+                         s.bending * s.bending / section.bending());
   const double increment[3] = {(trial.membrane - s.membrane) / section.membrane(),
                                (trial.shear - s.shear) / section.shear(),
                                (trial.bending - s.bending) / section.bending()};
   if (back.multiplier > 0)
-    answer.dissipated =
-        s.membrane * increment[0] + s.shear * increment[1] + s.bending * increment[2];
+    answer.dissipated = s.membrane * increment[0] + s.shear * increment[1] + s.bending * increment[2];
   if (next != nullptr) {
     for (std::size_t k = 0; k < 3; ++k) next[k] = history[k] + increment[k];
     next[3] = back.strain();

@@ -8,8 +8,8 @@
 // curvature so that the moment of a rectangular section in pure bending is exact for perfect plasticity:
 //     M / M_p = 1 - 1 / (3 k^2),   k - 3/2 + 1 / (2 k^2) = plastic curvature / curvature at first yield.
 // Flow is associated in the space of (N, M, T), the return implicit, and hardening follows the plastic strain
-// averaged over the thickness by work (h yield dp = N de_p + M dk_p + T dg_p). The membrane strain of a plastic
-// section is logarithmic and flow keeps the volume: the sheet thins as it is stretched.
+// averaged over the thickness by work (h yield dp = N de_p + M dk_p + T dg_p). The membrane strain of a
+// plastic section is logarithmic and flow keeps the volume: the sheet thins as it is stretched.
 #pragma once
 
 #include <cstddef>

@@ -298,9 +298,10 @@ double Solid::find_equilibrium(const Window& window, const Monitor& monitor) {
   if (!report.converged) {
     const std::string so_far =
         newton_ ? fmt::format("found up to {:.3g} % of the load", 100 * report.reached)
-                : fmt::format("residual {:.2e} of the load, estimated remaining change {:.2e} of the "
-                              "displacement, wanted {:.1e}",
-                              report.residual, report.remaining_change, scene_.steady.tolerance);
+                : fmt::format(
+                      "residual {:.2e} of the load, estimated remaining change {:.2e} of the "
+                      "displacement, wanted {:.1e}",
+                      report.residual, report.remaining_change, scene_.steady.tolerance);
     throw NotConverged(fmt::format("no equilibrium after {} {}: {}", report.steps,
                                    newton_ ? "linear solves" : "steps", so_far),
                        newton_ ? "the load may be beyond what the body can carry; try [solid.steady] method "
@@ -602,9 +603,8 @@ std::vector<WatchValues> Solid::watch_values(double time) {
         if (contact_) entry.quantities.emplace_back("contact_time", state_.contact_time);
         entry.quantities.emplace_back("external_work", state_.external_work);
         entry.quantities.emplace_back("viscous_work", state_.viscous_work);
-        entry.quantities.emplace_back(
-            "total_energy",
-            kinetic + internal + plastic + fracture + state_.viscous_work - state_.external_work);
+        entry.quantities.emplace_back("total_energy", kinetic + internal + plastic + fracture +
+                                                          state_.viscous_work - state_.external_work);
       }
       if (scene_.breaks()) entry.quantities.emplace_back("fracture_work", fracture);
       const NamedValues more = solver_->totals(state_);

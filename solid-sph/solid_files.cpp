@@ -13,7 +13,8 @@ std::array<double, 6> Solid::particle_stress(std::size_t i) const {
   const double zz = solver_->stress_across(i), xy = 0.5 * (sigma.xy + sigma.yx);
   const double a = sigma.xx - sigma.yy, b = sigma.yy - zz, c = zz - sigma.xx;
   const auto& history = solver_->history();
-  const double plastic = !scene_.plastic() || scene_.shells() ? 0.0 : history[J2Plasticity::history_size * i + 4];
+  const double plastic =
+      !scene_.plastic() || scene_.shells() ? 0.0 : history[J2Plasticity::history_size * i + 4];
   return {sigma.xx, sigma.yy, xy, zz, std::sqrt(0.5 * (a * a + b * b + c * c) + 3 * xy * xy), plastic};
 }
 

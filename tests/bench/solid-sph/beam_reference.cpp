@@ -1,6 +1,6 @@
-// Independent references of a cantilever under a dead load at its end: the elastica, Reissner's beam, which also
-// shears and stretches, and biquadratic finite elements of the plane-stress body itself (Saint-Venant-Kirchhoff).
-// None of it shares code with the solid.
+// Independent references of a cantilever under a dead load at its end: the elastica, Reissner's beam, which
+// also shears and stretches, and biquadratic finite elements of the plane-stress body itself
+// (Saint-Venant-Kirchhoff). None of it shares code with the solid.
 //
 // usage: beam_reference [THICKNESS/LENGTH [F L^2/(E I) [ELEMENTS ALONG [ACROSS]]]]
 #include <Eigen/SparseCholesky>
@@ -25,7 +25,8 @@ Tip beam(double thickness, double load, bool shears) {
   using State = std::array<double, 4>;  // x, y, rotation, moment
   const auto slope = [&](const State& s) {
     const double c = std::cos(s[2]), d = std::sin(s[2]);
-    const double stretch = 1 + (shears ? force * d / stretching : 0), shear = shears ? force * c / shearing : 0;
+    const double stretch = 1 + (shears ? force * d / stretching : 0),
+                 shear = shears ? force * c / shearing : 0;
     const double x = stretch * c - shear * d;
     return State{x, stretch * d + shear * c, s[3] / bending, -x * force};
   };
@@ -39,7 +40,8 @@ Tip beam(double thickness, double load, bool shears) {
     };
     for (int step = 0; step < kSteps; ++step) {
       constexpr double h = 1.0 / kSteps;
-      const State a = slope(s), b = slope(moved(a, 0.5 * h)), c = slope(moved(b, 0.5 * h)), d = slope(moved(c, h));
+      const State a = slope(s), b = slope(moved(a, 0.5 * h)), c = slope(moved(b, 0.5 * h)),
+                  d = slope(moved(c, h));
       for (std::size_t k = 0; k < 4; ++k) s[k] += h / 6 * (a[k] + 2 * b[k] + 2 * c[k] + d[k]);
     }
     return s;
@@ -76,11 +78,13 @@ Tip finite_elements(double thickness, double load, int along, int across) {
       std::vector<Eigen::Triplet<double>> entries;
       for (int j = 0; j < across; ++j)
         for (int b = 0; b < 3; ++b)
-          residual[2 * node(columns - 1, 2 * j + b) + 1] += force * step / 20 / across * (b == 1 ? 4.0 : 1.0) / 6;
+          residual[2 * node(columns - 1, 2 * j + b) + 1] +=
+              force * step / 20 / across * (b == 1 ? 4.0 : 1.0) / 6;
       for (int ei = 0; ei < along; ++ei)
         for (int ej = 0; ej < across; ++ej) {
           std::array<int, 9> nodes{};
-          for (int k = 0; k < 9; ++k) nodes[static_cast<std::size_t>(k)] = node(2 * ei + k / 3, 2 * ej + k % 3);
+          for (int k = 0; k < 9; ++k)
+            nodes[static_cast<std::size_t>(k)] = node(2 * ei + k / 3, 2 * ej + k % 3);
           const double width = x[static_cast<std::size_t>(2 * ei + 2)] - x[static_cast<std::size_t>(2 * ei)];
           Eigen::Matrix<double, 18, 18> stiffness = Eigen::Matrix<double, 18, 18>::Zero();
           Eigen::Matrix<double, 18, 1> internal = Eigen::Matrix<double, 18, 1>::Zero();
@@ -100,8 +104,10 @@ Tip finite_elements(double thickness, double load, int along, int across) {
               f += Eigen::Vector2d(u.segment<2>(2 * nodes[static_cast<std::size_t>(k)])) * slope.row(k);
             }
             const Eigen::Matrix2d strain = 0.5 * (f.transpose() * f - Eigen::Matrix2d::Identity());
-            const Eigen::Vector3d stress = law * Eigen::Vector3d(strain(0, 0), strain(1, 1), 2 * strain(0, 1));
-            const Eigen::Matrix2d s = (Eigen::Matrix2d() << stress[0], stress[2], stress[2], stress[1]).finished();
+            const Eigen::Vector3d stress =
+                law * Eigen::Vector3d(strain(0, 0), strain(1, 1), 2 * strain(0, 1));
+            const Eigen::Matrix2d s =
+                (Eigen::Matrix2d() << stress[0], stress[2], stress[2], stress[1]).finished();
             Eigen::Matrix<double, 3, 18> b;
             for (int k = 0; k < 9; ++k)
               for (int c = 0; c < 2; ++c) {
@@ -128,7 +134,8 @@ Tip finite_elements(double thickness, double load, int along, int across) {
       }
       Eigen::SparseMatrix<double> matrix(size, size);
       matrix.setFromTriplets(entries.begin(), entries.end());
-      const Eigen::VectorXd change = Eigen::SimplicialLDLT<Eigen::SparseMatrix<double>>(matrix).solve(residual);
+      const Eigen::VectorXd change =
+          Eigen::SimplicialLDLT<Eigen::SparseMatrix<double>>(matrix).solve(residual);
       u += change;
       if (change.norm() < 1e-10 * u.norm()) break;
     }

@@ -117,19 +117,20 @@ struct Beam {
 
 TEST(ShellSection, CantileverBeyondYieldBendsAsPragerAndHodgeSay) {
   ShellSection section = plastic_section();
-  section.thickness = 0.01;
+  section.plasticity.yield = {50, 50};               // deflections of a hundredth of the length
   const double first = limit_moment(section) / 1.5;  // force at the tip of a cantilever of length 1
   double error[2];
   for (int k = 0; k < 2; ++k) {
-    Beam beam(20 << k, section);
+    Beam beam(8 << k, section);
     const auto tip = static_cast<std::uint32_t>(beam.body.size() - 1);
     Loading loading;
-    loading.loads.push_back({{tip}, {0, 1.4 * first}, {0, 1.4 * first}, {}});
+    loading.loads.push_back({{tip}, {0, 1.4 * first}, {0, 1.4 * first}, {}, {}});
     std::vector<double> u(2 * beam.body.size(), 0.0);
-    ASSERT_TRUE(beam.solver->relax(u, loading, 0, {.tolerance = 1e-6, .maximum_steps = 1'000'000}, test::no_monitor)
-                    .converged);
+    ASSERT_TRUE(
+        beam.solver->relax(u, loading, 0, {.tolerance = 1e-6, .maximum_steps = 1'000'000}, test::no_monitor)
+            .converged);
     const double at_yield = first / (3 * section.bending());
-    const double exact = at_yield / 1.96 * (5 - 4.4 * std::sqrt(0.2));
+    const double exact = at_yield / 1.96 * (5 - 4.4 * std::sqrt(0.2)) + 1.4 * first / section.shear();
     error[k] = u[2 * tip + 1] / exact - 1;
   }
   EXPECT_NEAR(error[1], 0, 0.01);
@@ -170,7 +171,8 @@ TEST(ShellSection, TearsAtAnEnergyThatDoesNotDependOnTheGrid) {
     EXPECT_NEAR(balance, 0, 0.01) << links;
   }
   // A limit of stretch takes half the energy with links half as long.
-  const double coarse = torn(10, {.stretch = 0.1}, broken, balance), fine = torn(20, {.stretch = 0.1}, broken, balance);
+  const double coarse = torn(10, {.stretch = 0.1}, broken, balance),
+               fine = torn(20, {.stretch = 0.1}, broken, balance);
   EXPECT_NEAR(coarse / fine, 2, 0.1);
 }
 

@@ -140,7 +140,7 @@ double tip_ratio(int links, double thickness) {
       1 / (3 * stiffness(section)) + 1 / (section.shear_correction * section.shear_modulus * thickness);
   const double force = 1e-3 / exact;
   Loading loading;
-  loading.loads.push_back({{tip}, {0, force}, {0, force}, {}});
+  loading.loads.push_back({{tip}, {0, force}, {0, force}, {}, {}});
   std::vector<double> u(2 * made->body.size(), 0.0);
   const auto report =
       made->solver->relax(u, loading, 0, {.tolerance = 1e-6, .maximum_steps = 1'000'000}, test::no_monitor);
