@@ -14,7 +14,7 @@
 namespace estuary::fluid {
 namespace {
 
-constexpr double pi = std::numbers::pi;
+using std::numbers::pi;
 constexpr std::array<WallRule, 6> all_rules{WallRule::linear,    WallRule::halfway,
                                             WallRule::quadratic, WallRule::central_linear,
                                             WallRule::yin_zhang, WallRule::one_point};

@@ -15,7 +15,7 @@
 namespace estuary::fluid {
 namespace {
 
-constexpr double pi = std::numbers::pi;
+using std::numbers::pi;
 
 TEST(SolidFraction, DiscsCoverTheirArea) {
   std::mt19937_64 random(7);

@@ -32,14 +32,14 @@ std::vector<std::uint16_t> grains_of(const Grid& grid) {
   return solid;
 }
 
-FlowSettings settings_of(bool space, bool periodic, Storage storage) {
+FlowSettings settings_of(bool space, bool all_periodic, Storage storage) {
   FlowSettings settings;
   settings.grid = {space ? 31 : 71, space ? 19 : 53, 1.0, 0.0, 0.0};
   if (space) settings.grid.nz = 17;
   settings.rates = relaxation_rates(0.02, 3.0 / 16.0);
   settings.storage = storage;
   const int sides = side_count(settings.grid.dimension());
-  if (periodic) {
+  if (all_periodic) {
     settings.grid.periodic_x = settings.grid.periodic_y = true;
     settings.grid.periodic_z = space;
     for (int s = 0; s < sides; ++s) settings.sides[static_cast<std::size_t>(s)].kind = SideKind::periodic;
@@ -104,18 +104,18 @@ Result run(FlowSettings settings, bool drop, int threads) {
 TEST(Packing, ChangesNoBit) {
   const int threads_before = omp_get_max_threads();
   for (const bool space : {false, true}) {
-    for (const bool periodic : {false, true}) {
+    for (const bool all_periodic : {false, true}) {
       for (const Storage storage : {Storage::double_precision, Storage::single_precision}) {
-        const FlowSettings settings = settings_of(space, periodic, storage);
+        const FlowSettings settings = settings_of(space, all_periodic, storage);
         const Result whole = run(settings, false, 1);
         EXPECT_GT(*std::max_element(whole.fields.velocity_x.begin(), whole.fields.velocity_x.end()), 1e-4);
         for (const int threads : {1, 3}) {
           const Result packed = run(settings, true, threads);
           EXPECT_LT(packed.size, whole.size);
-          EXPECT_EQ(packed.fields.velocity_x, whole.fields.velocity_x) << space << periodic << threads;
-          EXPECT_EQ(packed.fields.velocity_y, whole.fields.velocity_y) << space << periodic << threads;
-          EXPECT_EQ(packed.fields.excess, whole.fields.excess) << space << periodic << threads;
-          EXPECT_EQ(packed.force, whole.force) << space << periodic << threads;
+          EXPECT_EQ(packed.fields.velocity_x, whole.fields.velocity_x) << space << all_periodic << threads;
+          EXPECT_EQ(packed.fields.velocity_y, whole.fields.velocity_y) << space << all_periodic << threads;
+          EXPECT_EQ(packed.fields.excess, whole.fields.excess) << space << all_periodic << threads;
+          EXPECT_EQ(packed.force, whole.force) << space << all_periodic << threads;
         }
       }
     }

@@ -76,13 +76,13 @@ TEST(AreaMoments, OfARectangleWithAHoleFarFromTheOrigin) {
   EXPECT_NEAR(holed.polar, about_origin - 7 * (std::pow(holed.centroid[0], 2) + 1), 1e-12);
 }
 
-struct Running {
+struct RunningRigid {
   Solid solid;
   v1::Exchange brought;
   ProgressBoard board;
   std::filesystem::path folder;
 
-  explicit Running(const std::string& text) {
+  explicit RunningRigid(const std::string& text) {
     Scene scene = Scene::parse(text, "scene.toml");
     solid.configure(scene, "solid");
     for (const auto& problem : scene.problems()) ADD_FAILURE() << describe("scene.toml", problem);
@@ -91,7 +91,7 @@ struct Running {
              ("rigid-" + std::to_string(::getpid()) + "-" + std::to_string(++number));
     brought = solid.start({}, folder);
   }
-  ~Running() { std::filesystem::remove_all(folder); }
+  ~RunningRigid() { std::filesystem::remove_all(folder); }
   [[nodiscard]] v1::Exchange forces(double fx, double fy) const {
     v1::Exchange exchange;
     auto* forces = exchange.mutable_forces();
@@ -126,7 +126,7 @@ const char* const kDisc =
 
 // Windows longer than a quarter of a period: the springs are integrated exactly.
 TEST(Rigid, OscillatesExactlyOnItsSpringsAndKeepsItsEnergy) {
-  Running run(scene(std::string(kDisc) +
+  RunningRigid run(scene(std::string(kDisc) +
                     "mass = 2.0\nspring = [50.0, 80.0]\nrotation_spring = 0.02\nspring_rest = [0.0, 0.03]\n"
                     "velocity = [\"0.1\", \"0\"]\nangular_velocity = 1.5\n"));
   const double inertia = 2.0 * 0.05 * 0.05 / 2;
@@ -144,7 +144,7 @@ TEST(Rigid, OscillatesExactlyOnItsSpringsAndKeepsItsEnergy) {
 }
 
 TEST(Rigid, AnswersADampedStepOfForceExactlyAfterRewinds) {
-  Running run(scene(std::string(kDisc) +
+  RunningRigid run(scene(std::string(kDisc) +
                     "mass = 2.0\nspring = [50.0, 50.0]\ndamper = [4.0, 0.0]\nheld = [\"y\", \"rotation\"]\n"
                     "window_load = \"received\"\n"));
   const double g = 3.0, w = 5, z = 4.0 / (2 * 2.0 * 5), wd = w * std::sqrt(1 - z * z);
@@ -169,7 +169,7 @@ TEST(Rigid, AnswersADampedStepOfForceExactlyAfterRewinds) {
 }
 
 TEST(Rigid, IsWeighedByItsDensityAndFalls) {
-  Running run(
+  RunningRigid run(
       scene("kind = \"rigid\"\npolygon = [[0.2, 0.1], [0.5, 0.1], [0.2, 0.4]]\nspacing = 0.02\n"
             "density = 1000\ngravity = [0, -9.81]\nangular_velocity = 2"));
   const double mass = 45, centre_x = 0.3, centre_y = 0.2;
@@ -189,7 +189,7 @@ TEST(Rigid, IsWeighedByItsDensityAndFalls) {
 }
 
 TEST(Rigid, FollowsAMotionAndCountsItsWork) {
-  Running run(scene(std::string(kDisc) +
+  RunningRigid run(scene(std::string(kDisc) +
                     "mass = 2.0\nspring = [50.0, 0.0]\ndamper = [3.0, 0.0]\n"
                     "motion = { x = \"0.1*sin(2*t)\", rotation = \"t^2\" }\nheld = [\"y\"]\n"));
   AdvanceResult result;
@@ -210,7 +210,7 @@ TEST(Rigid, FollowsAMotionAndCountsItsWork) {
 
 // Forces and motion of the wet contour see the same power, whatever the rotation.
 TEST(Rigid, ForcesOnTheContourDoTheWorkTheBodyGains) {
-  Running run(
+  RunningRigid run(
       scene("kind = \"rigid\"\nbox = { from = [0.2, 0.1], to = [0.5, 0.3] }\nspacing = 0.02\n"
             "density = 500\nwet = [\"contour\"]\nwindow_load = \"received\"\n"));
   auto forces = run.forces(0, 0);
@@ -225,7 +225,7 @@ TEST(Rigid, ForcesOnTheContourDoTheWorkTheBodyGains) {
 }
 
 TEST(Rigid, SettlesWhereItsSpringsHoldTheLoad) {
-  Running run(
+  RunningRigid run(
       scene("kind = \"rigid\"\nbox = { from = [0.2, 0.1], to = [0.5, 0.3] }\nspacing = 0.02\n"
             "density = 500\nwet = [\"contour\"]\nspring = [200.0, 400.0]\nrotation_spring = 3.0\n"
             "gravity = [0, -10]\n",
@@ -260,7 +260,7 @@ TEST(Rigid, SettlesWhereItsSpringsHoldTheLoad) {
 TEST(Rigid, GoesOnFromACheckpointToTheBit) {
   const std::string text = scene(
       std::string(kDisc) + "density = 100\nspring = [50.0, 80.0]\ndamper = [0.1, 0.2]\nangular_velocity = 1");
-  Running first(text), second(text);
+  RunningRigid first(text), second(text);
   for (std::uint64_t window = 1; window <= 3; ++window) {
     first.step(window, 1, 0.25, first.forces(0.3, 0.1));
     first.solid.accept();
@@ -274,7 +274,7 @@ TEST(Rigid, GoesOnFromACheckpointToTheBit) {
 }
 
 TEST(Rigid, SaysWhenItsPositionIsNotFinite) {
-  Running run(scene(std::string(kDisc) + "mass = 1e-9\n"));
+  RunningRigid run(scene(std::string(kDisc) + "mass = 1e-9\n"));
   EXPECT_THROW(run.step(1, 1, 0.25, run.forces(1e308, 0)), Diverged);
   const auto again = run.step(1, 2, 0.25, run.forces(1e-9, 0));
   EXPECT_TRUE(std::isfinite(value_of(again, "centre", "displacement_x")));

@@ -46,13 +46,13 @@ name = "totals"
 participant = "solid"
 )";
 
-struct Running {
+struct RunningShell {
   Solid solid;
   Plan plan;
   ProgressBoard board;
   std::filesystem::path folder;
 
-  explicit Running(const std::string& text) {
+  explicit RunningShell(const std::string& text) {
     Scene scene = Scene::parse(text, "scene.toml");
     plan = solid.configure(scene, "solid");
     for (const auto& problem : scene.problems()) ADD_FAILURE() << describe("scene.toml", problem);
@@ -61,7 +61,7 @@ struct Running {
              ("solid-sph-shell-" + std::to_string(::getpid()) + "-" + std::to_string(++number));
     solid.start({}, folder);
   }
-  ~Running() { std::filesystem::remove_all(folder); }
+  ~RunningShell() { std::filesystem::remove_all(folder); }
   AdvanceResult step(std::uint64_t window) {
     auto result = solid.advance({.number = window,
                                  .iteration = 1,
@@ -75,7 +75,7 @@ struct Running {
 };
 
 TEST(ShellScene, RunsWithItsEnergyInBalanceAndGoesOnBitForBitAfterALoad) {
-  Running one(kRing), two(kRing);
+  RunningShell one(kRing), two(kRing);
   EXPECT_EQ(one.plan.variant, "2d-shell-plane-strain");
   for (std::uint64_t w = 1; w <= 5; ++w) one.step(w);
   one.solid.save(one.folder / "state.h5");

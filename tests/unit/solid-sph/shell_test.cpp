@@ -18,21 +18,21 @@ constexpr ShellSection kSteel{.thickness = 0.05,
                               .shear_correction = 5.0 / 6.0,
                               .density = 7.8};
 
-struct Made {
+struct MadeShell {
   Body body;
   std::unique_ptr<ShellSolver> solver;
 };
 
-std::unique_ptr<Made> row(const std::vector<std::array<double, 2>>& points, double spacing,
+std::unique_ptr<MadeShell> row(const std::vector<std::array<double, 2>>& points, double spacing,
                           const ShellSection& section, bool closed = false) {
-  auto made = std::make_unique<Made>();
+  auto made = std::make_unique<MadeShell>();
   made->body = fill_row(points, closed, spacing, section);
   made->solver = std::make_unique<ShellSolver>(made->body, std::vector<ShellSection>{section});
   return made;
 }
 
-std::unique_ptr<Made> clamped_row(int links, const ShellSection& section, double length = 1) {
-  auto made = std::make_unique<Made>();
+std::unique_ptr<MadeShell> clamped_row(int links, const ShellSection& section, double length = 1) {
+  auto made = std::make_unique<MadeShell>();
   const std::vector<std::array<double, 2>> points{{0, 0}, {length, 0}};
   made->body = fill_row(points, false, length / links, section);
   made->body.fixed[0] = 3 | kRotationFixed;
@@ -86,7 +86,7 @@ TEST(Shell, MovedAndTurnedAsOneItCarriesNothing) {
 TEST(Shell, ForcesAndMomentsAreMinusTheEnergysDerivativesAndConserveMomenta) {
   for (const bool closed : {false, true}) {
     auto points = arc(12, 1, closed ? 2 * pi * 11 / 12 : 2.5);
-    const auto made = std::make_unique<Made>();
+    const auto made = std::make_unique<MadeShell>();
     made->body = fill_row(points, closed, 0.3, kSteel);
     for (std::size_t i = 0; i < made->body.size(); ++i)
       made->body.fixed[i] = kRotationFixed;  // shows moments

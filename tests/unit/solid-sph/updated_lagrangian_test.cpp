@@ -8,7 +8,7 @@
 namespace estuary::solid {
 namespace {
 
-SolverOptions elastic() {
+SolverOptions elastic_plate() {
   return {.materials = {{.constants = ElasticConstants::from(1e6, 0.3, Plane::strain),
                          .plane = Plane::strain,
                          .viscosity = {},
@@ -18,7 +18,7 @@ SolverOptions elastic() {
 
 TEST(UpdatedLagrangian, AUniformVelocityGradientGivesItsStressRateEverywhere) {
   const Body body = fill(test::box_of(1.0, 0.4, 0.05), 1000, 1.2, false);
-  UpdatedLagrangianSolver solver(body, elastic());
+  UpdatedLagrangianSolver solver(body, elastic_plate());
   State state = at_rest(body);
   state.history = solver.history();
   const Tensor<double> rate{0.3, 0.5, -0.1, -0.2};
@@ -29,7 +29,7 @@ TEST(UpdatedLagrangian, AUniformVelocityGradientGivesItsStressRateEverywhere) {
   }
   const double dt = 1e-7;
   solver.advance(state, {}, dt, 1, 0, test::no_monitor);
-  const auto c = elastic().materials[0].constants;
+  const auto c = elastic_plate().materials[0].constants;
   for (std::size_t i = 0; i < body.size(); ++i) {
     const double* s = &state.history[UpdatedLagrangianSolver::kHistorySize * i];
     ASSERT_NEAR(s[0] / dt, c.lambda * 0.1 + 2 * c.mu * 0.3, 1);
@@ -44,8 +44,8 @@ TEST(UpdatedLagrangian, KeepsLinearMomentumAndLosesTheBarThatTotalLagrangianKeep
   const Body body = fill(test::box_of(1.0, 0.2, 0.05), 1000, 1.2, false);
   const auto total =
       make_solver(LawName::neo_hooke, body,
-                  {.materials = elastic().materials, .stabilisation = 0.02, .hourglass_time = {}});
-  UpdatedLagrangianSolver updated(body, elastic());
+                  {.materials = elastic_plate().materials, .stabilisation = 0.02, .hourglass_time = {}});
+  UpdatedLagrangianSolver updated(body, elastic_plate());
   const auto longest = [&](Solver& solver) {
     State state = at_rest(body);
     state.history = solver.history();
