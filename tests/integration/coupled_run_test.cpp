@@ -12,6 +12,7 @@
 #include <thread>
 
 #include "child_process.hpp"
+#include "file_text.hpp"
 #include "temporary_folder.hpp"
 
 namespace {
@@ -19,24 +20,18 @@ namespace {
 using estuary::coupler::ChildProcess;
 using estuary::coupler::Finished;
 using estuary::coupler::run_program;
+using estuary::test::file_text;
 using std::chrono::steady_clock;
 using testing::HasSubstr;
 
 const std::string coupler = COUPLER_PROGRAM;
 const std::string participant = LINEAR_PARTICIPANT;
 
-std::string read(const std::filesystem::path& path) {
-  std::ifstream file(path);
-  std::ostringstream text;
-  text << file.rdbuf();
-  return text.str();
-}
-
 // Processes whose command line holds `text`.
 int processes_with(const std::string& text) {
   int count = 0;
   for (const auto& entry : std::filesystem::directory_iterator("/proc")) {
-    const std::string line = read(entry.path() / "cmdline");
+    const std::string line = file_text(entry.path() / "cmdline");
     if (line.find(text) != std::string::npos) ++count;
   }
   return count;
@@ -60,7 +55,9 @@ protected:
     words.insert(words.end(), more.begin(), more.end());
     return run_program(words, "", 60);
   }
-  nlohmann::json summary() const { return nlohmann::json::parse(read(folder_ / "out" / "summary.json")); }
+  nlohmann::json summary() const {
+    return nlohmann::json::parse(file_text(folder_ / "out" / "summary.json"));
+  }
 
   estuary::TemporaryFolder temporary_;
   std::filesystem::path folder_ = temporary_.path();
@@ -119,10 +116,10 @@ TEST_F(CoupledRun, TransientRunsEveryWindowAndWritesItsFiles) {
   const Finished finished = run(scene);
   EXPECT_EQ(finished.status, 0) << finished.errors;
   EXPECT_EQ(summary()["windows"], 20);
-  const std::string watch = read(folder_ / "out" / "watch" / "tip.csv");
+  const std::string watch = file_text(folder_ / "out" / "watch" / "tip.csv");
   EXPECT_EQ(std::count(watch.begin(), watch.end(), '\n'), 21);
   EXPECT_THAT(watch, HasSubstr("window,iteration,time,displacement"));
-  EXPECT_THAT(read(folder_ / "out" / "convergence.csv"), HasSubstr("window,iteration,time,residual"));
+  EXPECT_THAT(file_text(folder_ / "out" / "convergence.csv"), HasSubstr("window,iteration,time,residual"));
 }
 
 TEST_F(CoupledRun, NotANumberNamesParticipantFieldAndWindow) {
@@ -183,7 +180,8 @@ TEST_F(CoupledRun, AWindowThatAParticipantGaveUpIsTriedAgain) {
   const std::string transient = "mode = \"transient\"\nwindow = 0.1\nend_time = 0.5\npredictor = \"none\"\n";
   auto scene = write_scene("pressure = 3.0\nslope = -0.5" + trouble, "stiffness = 1.0", transient);
   EXPECT_EQ(run(scene).status, 0);
-  EXPECT_THAT(read(folder_ / "out" / "log" / "coupler.log"), HasSubstr("tried again without the history"));
+  EXPECT_THAT(file_text(folder_ / "out" / "log" / "coupler.log"),
+              HasSubstr("tried again without the history"));
   scene =
       write_scene("pressure = 3.0\nslope = -0.5" + trouble, "stiffness = 1.0", transient + "recover = false");
   EXPECT_EQ(run(scene).status, 3);
@@ -196,7 +194,8 @@ TEST_F(CoupledRun, AWindowOutOfIterationsIsTriedAgain) {
   // Contracts by 0.98 an iteration; with a fifth of the step by 0.6.
   auto scene = write_scene("pressure = 3.0\nslope = -0.98", "stiffness = 1.0", transient);
   EXPECT_EQ(run(scene).status, 0);
-  EXPECT_THAT(read(folder_ / "out" / "log" / "coupler.log"), HasSubstr("tried again with relaxation 0.2"));
+  EXPECT_THAT(file_text(folder_ / "out" / "log" / "coupler.log"),
+              HasSubstr("tried again with relaxation 0.2"));
   scene = write_scene("pressure = 3.0\nslope = -0.98", "stiffness = 1.0", transient + "recover = false");
   EXPECT_EQ(run(scene).status, 3);
 }
@@ -213,7 +212,7 @@ TEST_F(CoupledRun, ASteadyLoadTooLargeForTheSolidIsBroughtOnInParts) {
                   "[[check]]\nquantity = \"tip.displacement\"\nreference = 2.0\ntolerance = 1e-3\n");
   const Finished finished = run(possible);
   EXPECT_EQ(finished.status, 0) << finished.errors << finished.output;
-  EXPECT_THAT(read(folder_ / "out" / "log" / "coupler.log"), HasSubstr("gets half"));
+  EXPECT_THAT(file_text(folder_ / "out" / "log" / "coupler.log"), HasSubstr("gets half"));
 }
 
 // The elastic tube of elastic_tube.cpp: strong added mass. Iterations per window, on average over 100
@@ -278,9 +277,9 @@ TEST_F(CoupledRun, WrongLengthIsRefused) {
 }
 
 TEST_F(CoupledRun, ACrashEndsTheRunWithinTwoSeconds) {
-  const auto scene = write_scene("pressure = 3.0\nslope = 0.5\nmisbehaviour = \"crash\"\nat_window = 2",
-                                 "stiffness = 1.0", "mode = \"transient\"\nwindow = 0.1\nend_time = 1.0",
-                                 "[recovery]\nrelaunches = 0\n");
+  const auto scene =
+      write_scene("pressure = 3.0\nslope = 0.5\nmisbehaviour = \"crash\"\nat_window = 2", "stiffness = 1.0",
+                  "mode = \"transient\"\nwindow = 0.1\nend_time = 1.0", "[recovery]\nrelaunches = 0\n");
   const auto begin = steady_clock::now();
   const Finished finished = run(scene);
   EXPECT_LT(steady_clock::now() - begin, std::chrono::seconds(4));
@@ -311,7 +310,7 @@ TEST_P(Killed, EndsTheRunWithinTwoSecondsAndLeavesNothingBehind) {
   std::this_thread::sleep_for(std::chrono::milliseconds(300));
   pid_t target = run.process();
   if (victim != "coupler") {
-    const std::string log = read(out / "log" / "coupler.log");
+    const std::string log = file_text(out / "log" / "coupler.log");
     const std::size_t line = log.find(victim + ": linear-participant");
     ASSERT_NE(line, std::string::npos);
     target = static_cast<pid_t>(std::stol(log.substr(log.find("process ", line) + 8)));
@@ -329,9 +328,9 @@ TEST_P(Killed, EndsTheRunWithinTwoSecondsAndLeavesNothingBehind) {
     EXPECT_EQ(*run.ended(), "ended with exit status 4");
     // A stopped process is noticed by its silence and then has 2 s; a dead one at once.
     EXPECT_LT(took.count(), slower * (signal_number == SIGSTOP ? 3.5 : 2.0));
-    const std::string message = read(folder_ / "coupler.txt");
+    const std::string message = file_text(folder_ / "coupler.txt");
     EXPECT_THAT(message, HasSubstr("participant '" + victim + "' was lost at window 1, iteration 1"));
-    EXPECT_EQ(nlohmann::json::parse(read(out / "summary.json"))["status"], "participant lost");
+    EXPECT_EQ(nlohmann::json::parse(file_text(out / "summary.json"))["status"], "participant lost");
   }
 }
 
@@ -410,7 +409,7 @@ TEST_F(CoupledRun, OverridesChangeTheSceneAndAreKept) {
   const Finished finished = run(scene, {"--set", "fluid.pressure=6.0"});
   EXPECT_EQ(finished.status, 0) << finished.errors;
   EXPECT_NEAR(summary()["watch"]["tip"]["displacement"]["last"], 15.0, 15e-3);
-  EXPECT_THAT(read(folder_ / "out" / "scene.toml"), HasSubstr("pressure = 6.0"));
+  EXPECT_THAT(file_text(folder_ / "out" / "scene.toml"), HasSubstr("pressure = 6.0"));
 }
 
 TEST_F(CoupledRun, AnOverrideOfAnUnknownKeyIsRefused) {

@@ -11,6 +11,7 @@
 
 #include "child_process.hpp"
 #include "csv_file.hpp"
+#include "file_text.hpp"
 #include "temporary_folder.hpp"
 
 namespace {
@@ -18,14 +19,8 @@ namespace {
 using estuary::coupler::Finished;
 using estuary::coupler::read_csv;
 using estuary::coupler::run_program;
+using estuary::test::file_text;
 using testing::HasSubstr;
-
-std::string read(const std::filesystem::path& path) {
-  std::ifstream file(path);
-  std::ostringstream text;
-  text << file.rdbuf();
-  return text.str();
-}
 
 class TubeRun : public testing::Test {
 protected:
@@ -49,11 +44,12 @@ protected:
     return run_program(words, "", 60);
   }
   double last(const std::string& out, const std::string& watch, const std::string& quantity) const {
-    return nlohmann::json::parse(read(folder_ / out / "summary.json"))["watch"][watch][quantity]["last"];
+    return nlohmann::json::parse(file_text(folder_ / out / "summary.json"))["watch"][watch][quantity]["last"];
   }
   // Highest pressure at the inflow of all windows.
   double largest(const std::string& out) const {
-    return nlohmann::json::parse(read(folder_ / out / "summary.json"))["watch"]["flow"]["pressure"]["max"];
+    return nlohmann::json::parse(
+        file_text(folder_ / out / "summary.json"))["watch"]["flow"]["pressure"]["max"];
   }
   // Largest difference of two columns of convergence.csv, relative to the largest value.
   double difference(const std::string& out, const std::string& one, const std::string& other) const {
@@ -87,7 +83,7 @@ TEST_F(TubeRun, SurfacesOfOtherNodesAreMappedAndConserve) {
           run(out, "", "intervals = 99\nown_surface = true", "intervals = 72",
               "[coupling.mapping]\nkind = \"" + kind + "\"\nloads = \"" + loads + "\"\n");
       ASSERT_EQ(finished.status, 0) << out << finished.errors;
-      EXPECT_THAT(read(folder_ / out / "log" / "coupler.log"), HasSubstr("100 nodes on the solid's 73"));
+      EXPECT_THAT(file_text(folder_ / out / "log" / "coupler.log"), HasSubstr("100 nodes on the solid's 73"));
       const bool linear = kind != "nearest-neighbour";
       if (loads == "pressures") {
         EXPECT_NEAR(largest(out), matching, 1e-3 * matching) << out;
@@ -114,7 +110,7 @@ TEST_F(TubeRun, AMappingThatCannotBeMadeIsNamed) {
 // The same bits against the recorded partner, whichever of the two it is.
 TEST_F(TubeRun, ASolverAgainstItsRecordedPartnerGivesTheSameBits) {
   ASSERT_EQ(run("recorded", "", "", "", "[output]\nrecord = true\n").status, 0);
-  const std::string watch = read(folder_ / "recorded" / "watch" / "flow.csv");
+  const std::string watch = file_text(folder_ / "recorded" / "watch" / "flow.csv");
   const auto replay = [&](const std::string& role) {
     return role + ".solver=\"" + REPLAY + " " + (folder_ / "recorded/record" / (role + ".record")).string() +
            "\"";
@@ -123,8 +119,8 @@ TEST_F(TubeRun, ASolverAgainstItsRecordedPartnerGivesTheSameBits) {
     const Finished finished = run("replayed-" + role, "", "", "", "", {replay(role)});
     ASSERT_EQ(finished.status, 0) << finished.errors;
     const auto out = folder_ / ("replayed-" + role);
-    EXPECT_EQ(read(out / "watch" / "flow.csv"), watch);
-    EXPECT_THAT(read(out / "log" / (role + ".log")), HasSubstr("bit for bit"));
+    EXPECT_EQ(file_text(out / "watch" / "flow.csv"), watch);
+    EXPECT_THAT(file_text(out / "log" / (role + ".log")), HasSubstr("bit for bit"));
   }
   // What does not fit is named.
   Finished finished = run("other-nodes", "", "", "intervals = 80", "", {replay("fluid")});
@@ -145,7 +141,7 @@ TEST_F(TubeRun, AWindowThatFailsIsTriedWithHalfTheLength) {
   EXPECT_EQ(fixed.status, 3);
   const Finished finished = run("adaptive", "adaptive_window = true", "longest_window = 0.006", "");
   ASSERT_EQ(finished.status, 0) << finished.errors;
-  EXPECT_THAT(read(folder_ / "adaptive" / "log" / "coupler.log"), HasSubstr("with a window of 0.005 s"));
+  EXPECT_THAT(file_text(folder_ / "adaptive" / "log" / "coupler.log"), HasSubstr("with a window of 0.005 s"));
   const auto table = read_csv(folder_ / "adaptive" / "iterations.csv");
   const auto& lengths = *table->column("window_length");
   EXPECT_EQ(lengths.size(), 20U);
