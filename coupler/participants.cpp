@@ -292,6 +292,7 @@ void Participants::listen(RemoteParticipant& participant) {
     participant.arrived_ = std::move(reply);
     participant.arrived_at_ = now;
     participant.awaited_ = 0;
+    return;  // what else has come is read while the next reply is waited for
   }
 }
 

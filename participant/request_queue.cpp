@@ -48,10 +48,7 @@ std::optional<v1::Request> RequestQueue::next() {
     std::array<pollfd, 3> wait{{{arrived_, POLLIN, 0},
                                 {line_ ? line_->descriptor() : -1, POLLIN, 0},
                                 {entrance_ ? entrance_->descriptor() : -1, POLLIN, 0}}};
-    if (::poll(wait.data(), wait.size(), -1) < 0) {
-      if (errno == EINTR) continue;
-      throw ChannelError(std::strerror(errno));
-    }
+    if (!watch_.wait(wait, std::nullopt)) continue;  // a signal
     if (wait[1].revents != 0) {
       if (auto request = from_line()) return request;
     }

@@ -46,6 +46,7 @@ private:
   int arrived_;  // an event descriptor: something was put, or the queue was closed
   std::optional<DirectLineEntrance> entrance_;
   std::optional<DirectLine> line_;
+  LineWatch watch_;
   bool came_over_line_ = false;
   std::mutex mutex_;
   std::deque<v1::Request> requests_;

@@ -8,6 +8,7 @@
 #include <unistd.h>
 #include <zmq.h>
 
+#include <algorithm>
 #include <array>
 #include <atomic>
 #include <cerrno>
@@ -173,6 +174,7 @@ struct ClientChannel::Socket {
   zmq::socket_t socket{context(), zmq::socket_type::dealer};
   Doorkeeper door;  // with keys
   std::optional<DirectLine> line;
+  LineWatch watch;
   bool reply_over_line = false;  // the reply awaited
 };
 
@@ -286,13 +288,22 @@ void ClientChannel::drop_unsent() {
 
 void ClientChannel::wait_for_any(std::span<ClientChannel* const> channels,
                                  std::chrono::milliseconds timeout) {
+  // What else comes over a channel, reports of progress, can wait for the timeout.
+  const auto over_line = [](const ClientChannel* channel) {
+    return channel->socket_->line && channel->socket_->reply_over_line;
+  };
+  if (!channels.empty() && std::all_of(channels.begin(), channels.end(), over_line)) {
+    std::vector<pollfd> lines;
+    for (const ClientChannel* channel : channels)
+      lines.push_back({channel->socket_->line->descriptor(), POLLIN, 0});
+    (void)channels.front()->socket_->watch.wait(lines, timeout);
+    return;
+  }
   std::vector<zmq::pollitem_t> items;
   items.reserve(channels.size());
   for (ClientChannel* channel : channels) {
-    // What else comes over the channel, reports of progress, can wait for the timeout.
-    const Socket& socket = *channel->socket_;
-    if (socket.line && socket.reply_over_line) {
-      items.push_back({nullptr, socket.line->descriptor(), ZMQ_POLLIN, 0});
+    if (over_line(channel)) {
+      items.push_back({nullptr, channel->socket_->line->descriptor(), ZMQ_POLLIN, 0});
     } else {
       items.push_back({channel->socket_->socket.handle(), 0, ZMQ_POLLIN, 0});
     }

@@ -2,11 +2,13 @@
 
 #include <fmt/format.h>
 #include <poll.h>
+#include <sched.h>
 #include <sys/socket.h>
 #include <sys/stat.h>
 #include <sys/un.h>
 #include <unistd.h>
 
+#include <algorithm>
 #include <cerrno>
 #include <cstring>
 #include <string_view>
@@ -18,6 +20,11 @@ namespace estuary {
 namespace {
 
 constexpr int taken_within_ms = 2000;
+// The longest wait that is spent awake: to be woken after it costs a few hundredths of it.
+constexpr std::chrono::microseconds stays_awake{1500};
+// A processor that was given up for longer than this was wanted by another thread.
+constexpr std::chrono::microseconds wanted_by_another{25};
+constexpr unsigned most_sleeps = 2000;
 constexpr std::size_t length_bytes = sizeof(std::uint64_t);
 
 std::optional<sockaddr_un> address_of(const std::string& path) {
@@ -134,6 +141,36 @@ DirectLine::Received DirectLine::receive(google::protobuf::MessageLite& message)
   if (!message.ParseFromArray(incoming_.data() + length_bytes, static_cast<int>(size)))
     throw ChannelError(fmt::format("{} bytes that are not a message of this protocol", size));
   return Received::message;
+}
+
+bool LineWatch::wait(std::span<pollfd> watched, std::optional<std::chrono::milliseconds> timeout) {
+  using std::chrono::steady_clock;
+  const auto look = [&](int milliseconds) {
+    const int ready = ::poll(watched.data(), watched.size(), milliseconds);
+    if (ready < 0 && errno != EINTR) throw ChannelError(std::strerror(errno));
+    return ready > 0;
+  };
+  const auto begin = steady_clock::now();
+  bool ready = look(0);
+  if (!ready && last_ <= stays_awake && sleeps_left_ == 0) {
+    for (auto now = begin; !ready && now - begin < stays_awake;) {
+      ::sched_yield();
+      const auto after = steady_clock::now();
+      if (after - now > wanted_by_another) {
+        sleeps_next_ = std::min(2 * sleeps_next_ + 16, most_sleeps);
+        sleeps_left_ = sleeps_next_;
+        break;
+      }
+      now = after;
+      ready = look(0);
+    }
+    if (ready) sleeps_next_ = 0;
+  } else if (sleeps_left_ > 0) {
+    --sleeps_left_;
+  }
+  if (!ready) ready = look(timeout ? static_cast<int>(timeout->count()) : -1);
+  last_ = steady_clock::now() - begin;
+  return ready;
 }
 
 DirectLineEntrance::DirectLineEntrance(std::string path)

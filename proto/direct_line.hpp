@@ -8,10 +8,12 @@
 #pragma once
 
 #include <google/protobuf/message_lite.h>
+#include <poll.h>
 
 #include <chrono>
 #include <cstdint>
 #include <optional>
+#include <span>
 #include <string>
 #include <vector>
 
@@ -54,6 +56,19 @@ private:
   std::vector<char> incoming_;
   std::size_t have_ = 0;  // bytes of the message under way, its length included
   std::size_t size_of_last_ = 0;
+};
+
+/// Waits on descriptors, awake at first: waking a thread on an idle processor takes longer than a message,
+/// and as long as a small window. It stays awake when the last wait was short enough for it, and only while
+/// no other thread wants its processor. One thread only.
+class LineWatch {
+public:
+  /// Fills in `revents` as poll(2) does; false when `timeout` passes (none: never) or a signal came.
+  [[nodiscard]] bool wait(std::span<pollfd> watched, std::optional<std::chrono::milliseconds> timeout);
+
+private:
+  std::chrono::nanoseconds last_{0};            // length of the last wait
+  unsigned sleeps_left_ = 0, sleeps_next_ = 0;  // waits to sleep through since a processor was wanted
 };
 
 /// The participant's entrance. One thread only.
