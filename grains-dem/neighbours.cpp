@@ -298,6 +298,10 @@ void rebuild_list(const Domain<D>& domain, const ListSettings& settings, State<D
 template <int D>
 void prepare_cross_forces(const State<D>& state, CrossForces<D>& cross) {
   const std::size_t n = state.size(), blocks = block_count(n);
+  cross.row.resize(state.partner.size());
+  for (std::size_t i = 0; i < n; ++i)
+    std::fill(cross.row.begin() + state.row_start[i], cross.row.begin() + state.row_start[i + 1],
+              static_cast<std::uint32_t>(i));
   cross.first_slot.assign(blocks + 1, 0);
   cross.incoming_start.assign(blocks + 1, 0);
   std::vector<std::uint32_t> target;

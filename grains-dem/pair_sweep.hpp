@@ -6,66 +6,103 @@
 
 namespace estuary::grains {
 
+/// Pairs that touch, found before their forces are computed. Which ones do is hard to predict: the search has
+/// no branch on it, and roots and quotients are taken of many at a time.
+template <int D>
+struct TouchingPairs {
+  static constexpr std::size_t kMost = 256;
+  std::array<std::uint32_t, kMost> pair, slot;  // slot: where the force on a partner of another block goes
+  std::array<double, D * kMost> apart;
+  std::array<double, kMost> distance, inverse;
+  std::size_t count = 0;
+};
+
+/// Of the pairs from `first` on, at most kMost of them. Pairs that part forget. `slot` counts those that
+/// cross blocks.
+template <int D, std::size_t Memory>
+inline void find_touching(const SweepInput<D>& input, const CrossForces<D>& cross, std::size_t first,
+                          std::size_t last, std::size_t end, State<D>& state, std::uint32_t& slot,
+                          TouchingPairs<D>& touching) {
+  const double* const position = state.position.data();
+  const double* const radius = state.radius.data();
+  const std::uint32_t* const partner = state.partner.data();
+  const std::uint32_t* const row = cross.row.data();
+  const std::uint8_t* const image = state.image.data();
+  double* const history = state.history.data();
+  std::size_t n = 0;
+  for (std::size_t k = first; k < last; ++k) {
+    const std::size_t i = row[k], j = partner[k];
+    const Vector<D> apart = load<D>(position, j) + input.shift[image[k]] - load<D>(position, i);
+    const double touch = radius[i] + radius[j];
+    const double squared = dot(apart, apart);
+    touching.pair[n] = static_cast<std::uint32_t>(k);
+    touching.slot[n] = slot;
+    store<D>(touching.apart.data(), n, apart);
+    touching.distance[n] = squared;
+    const bool touches = squared < touch * touch;
+    if constexpr (Memory > 0) {
+      double remembered = 0;
+      for (std::size_t h = 0; h < Memory; ++h) remembered += std::abs(history[Memory * k + h]);
+      if (static_cast<int>(!touches) & static_cast<int>(remembered > 0))
+        for (std::size_t h = 0; h < Memory; ++h) history[Memory * k + h] = 0;
+    }
+    n += touches ? 1 : 0;
+    slot += j >= end ? 1 : 0;
+  }
+  for (std::size_t m = 0; m < n; ++m) touching.distance[m] = std::sqrt(touching.distance[m]);
+  for (std::size_t m = 0; m < n; ++m) touching.inverse[m] = 1 / touching.distance[m];
+  touching.count = n;
+}
+
 template <int D, NormalLaw N, FrictionLaw F, RollingLaw R, bool Cohesive>
 void sweep_pairs(const SweepInput<D>& input, std::size_t block, State<D>& state, CrossForces<D>& cross,
                  EnergyLedger& ledger) {
   constexpr std::size_t spin = spin_components<D>;
+  constexpr std::size_t width = D + spin;
   constexpr std::size_t memory = history_size<D, F, R>;
-  const std::size_t begin = block_begin(block), end = block_end(block, state.size());
+  constexpr bool turns = F != FrictionLaw::none || R != RollingLaw::none;
+  const std::size_t end = block_end(block, state.size());
   double* const force = state.force.data();
   double* const torque = state.torque.data();
   double* const history = state.history.data();
-  const double* const position = state.position.data();
   const double* const radius = state.radius.data();
-  const std::uint32_t* const partner = state.partner.data();
-  const std::uint8_t* const image = state.image.data();
   const double* const root_mass = state.root_mass.data();
-  double* slot = cross.value.data() + cross.first_slot[block] * (D + spin);
+  double* const slots = cross.value.data();
+  std::fill(slots + width * cross.first_slot[block], slots + width * cross.first_slot[block + 1], 0.0);
   EnergyLedger lost;
-  for (std::size_t i = begin; i < end; ++i) {
-    const Vector<D> xi = load<D>(position, i);
-    const double ri = radius[i];
-    Vector<D> force_i{};
-    Spin<D> torque_i{};
-    const std::size_t last = state.row_start[i + 1];
-    for (std::size_t k = state.row_start[i]; k < last; ++k) {
-      const std::size_t j = partner[k];
-      const Vector<D> apart = load<D>(position, j) + input.shift[image[k]] - xi;
-      const double touch = ri + radius[j];
-      const double squared = dot(apart, apart);
-      Vector<D> on_i{};
+  TouchingPairs<D> touching;
+  auto slot = static_cast<std::uint32_t>(cross.first_slot[block]);
+  const std::size_t last = state.row_start[end];
+  for (std::size_t first = state.row_start[block_begin(block)]; first < last;
+       first += TouchingPairs<D>::kMost) {
+    find_touching<D, memory>(input, cross, first, std::min(last, first + TouchingPairs<D>::kMost), end, state,
+                             slot, touching);
+    for (std::size_t m = 0; m < touching.count; ++m) {
+      const std::size_t k = touching.pair[m];
+      const std::size_t i = cross.row[k], j = state.partner[k];
+      const Vector<D> normal = touching.inverse[m] * load<D>(touching.apart.data(), m);
+      const auto kinematics = pair_kinematics(state, i, j, normal, touching.distance[m], root_mass[k]);
+      const ContactForce<D> f =
+          contact<D, N, F, R, Cohesive>(input.constants, kinematics, input.dt, history + memory * k, lost);
+      const Vector<D> on_i = f.vector(normal);
+      add(force, i, on_i);
       Spin<D> on_j_torque{};
-      if (squared < touch * touch) {
-        const double distance = std::sqrt(squared);
-        const Vector<D> normal = (1 / distance) * apart;
-        const auto kinematics = pair_kinematics(state, i, j, normal, distance, root_mass[k]);
-        const ContactForce<D> f =
-            contact<D, N, F, R, Cohesive>(input.constants, kinematics, input.dt, history + memory * k, lost);
-        on_i = f.vector(normal);
-        force_i = force_i + on_i;
-        if constexpr (F != FrictionLaw::none || R != RollingLaw::none) {
-          // The torque of the contact force about each centre has the same sense on both.
-          const Spin<D> turn = f.torque(normal);
-          const double half = 0.5 * kinematics.overlap;
-          torque_i = torque_i + (ri - half) * turn + f.moment;
-          on_j_torque = (radius[j] - half) * turn - f.moment;
-        }
-      } else {
-        for (std::size_t h = 0; h < memory; ++h) history[memory * k + h] = 0;
+      if constexpr (turns) {
+        // The torque of the contact force about each centre has the same sense on both.
+        const Spin<D> turn = f.torque(normal);
+        const double half = 0.5 * kinematics.overlap;
+        add(torque, i, (radius[i] - half) * turn + f.moment);
+        on_j_torque = (radius[j] - half) * turn - f.moment;
       }
       if (j < end) {
-        if (squared < touch * touch) {
-          for (std::size_t c = 0; c < D; ++c) force[D * j + c] -= on_i[c];
-          if constexpr (F != FrictionLaw::none || R != RollingLaw::none) add(torque, j, on_j_torque);
-        }
+        for (std::size_t c = 0; c < D; ++c) force[D * j + c] -= on_i[c];
+        if constexpr (turns) add(torque, j, on_j_torque);
       } else {
-        for (std::size_t c = 0; c < D; ++c) slot[c] = -on_i[c];
-        for (std::size_t c = 0; c < spin; ++c) slot[D + c] = on_j_torque[c];
-        slot += D + spin;
+        double* const to = slots + width * touching.slot[m];
+        for (std::size_t c = 0; c < D; ++c) to[c] = -on_i[c];
+        for (std::size_t c = 0; c < spin; ++c) to[D + c] = on_j_torque[c];
       }
     }
-    add(force, i, force_i);
-    if constexpr (F != FrictionLaw::none || R != RollingLaw::none) add(torque, i, torque_i);
   }
   ledger += lost;
 }
