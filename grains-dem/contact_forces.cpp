@@ -32,13 +32,15 @@ WallTouch<D> touch_plane(const Wall<D>& wall, const Vector<D>& x, double r) {
 }
 
 template <int D>
-ContactKinematics<D> wall_kinematics(const WallTouch<D>& touch, const State<D>& state, std::size_t i) {
+ContactKinematics<D> wall_kinematics(const WallTouch<D>& touch, const Spin<D>& wall_spin,
+                                     const State<D>& state, std::size_t i) {
   const double r = state.radius[i];
+  const Spin<D> spin = load<spin_components<D>>(state.spin.data(), i);
   ContactKinematics<D> k;
   k.normal = touch.normal;
   k.overlap = touch.overlap;
-  k.spin = load<spin_components<D>>(state.spin.data(), i);
-  split_velocity(k, touch.velocity - load<D>(state.velocity.data(), i), (r - k.overlap) * k.spin);
+  k.spin = spin - wall_spin;
+  split_velocity(k, touch.velocity - load<D>(state.velocity.data(), i), (r - k.overlap) * spin);
   k.radius_sum = 2 * r;
   k.reduced_radius = r;
   k.root_mass = std::sqrt(1 / state.inverse_mass[i]);
@@ -50,19 +52,23 @@ std::size_t wall_memory(const State<D>& state) {
   return state.wall_contact.empty() ? 0 : (state.wall_history.size() - 8) / state.wall_contact.size();
 }
 
-std::array<std::uint32_t, kWallContacts> known_elements(const State<2>& state, std::size_t n) {
+template <int D>
+std::array<std::uint32_t, kWallContacts> known_elements(const State<D>& state, std::size_t n) {
   std::array<std::uint32_t, kWallContacts> elements{};
   for (std::size_t k = 0; k < kWallContacts; ++k) elements[k] = state.wall_contact[n + k].element;
   return elements;
 }
 
-std::span<const std::uint32_t> near_segments(const State<2>& state, std::size_t n) {
+template <int D>
+std::span<const std::uint32_t> near_facets(const State<D>& state, std::size_t n) {
   const WallContact& contact = state.wall_contact[n];
-  return {state.wall_segment.data() + contact.near_begin, contact.near_end - contact.near_begin};
+  return {state.wall_facet.data() + contact.near_begin, contact.near_end - contact.near_begin};
 }
 
-// What the contacts of one polyline remember goes with the pieces; of two that became one it is added.
-void carry_history(const PolylineTouches& touches, std::size_t memory, double* history) {
+// What the contacts of one polyline or mesh remember goes with the pieces; of two that became one it is
+// added.
+template <int D>
+void carry_history(const FacetTouches<D>& touches, std::size_t memory, double* history) {
   for (std::size_t k = 0; k < kWallContacts; ++k) {
     const std::size_t now = touches.now[k];
     if (now == k) continue;
@@ -74,7 +80,7 @@ void carry_history(const PolylineTouches& touches, std::size_t memory, double* h
 }
 
 // Calls `use` with every wall contact from `begin` to `end` and how its grain touches; before those of a
-// polyline, which come together, `found` with the first of them and all its touches.
+// polyline or mesh, which come together, `found` with the first of them and all its touches.
 template <int D, class Found, class Use>
 void for_each_touch(const std::vector<Wall<D>>& walls, const State<D>& state, std::size_t begin,
                     std::size_t end, const Found& found, const Use& use) {
@@ -82,14 +88,12 @@ void for_each_touch(const std::vector<Wall<D>>& walls, const State<D>& state, st
     const std::size_t i = state.wall_contact[n].grain;
     const Wall<D>& wall = walls[state.wall_contact[n].wall];
     const Vector<D> x = load<D>(state.position.data(), i);
-    if constexpr (D == 2) {
-      if (!wall.is_plane()) {
-        const PolylineTouches touches =
-            find_touches(wall, near_segments(state, n), x, state.radius[i], known_elements(state, n));
-        found(n, touches);
-        for (const WallTouch<2>& touch : touches.slot) use(n++, touch);
-        continue;
-      }
+    if (!wall.is_plane()) {
+      const FacetTouches<D> touches =
+          find_touches(wall, near_facets(state, n), x, state.radius[i], known_elements(state, n));
+      found(n, touches);
+      for (const WallTouch<D>& touch : touches.slot) use(n++, touch);
+      continue;
     }
     use(n++, touch_plane(wall, x, state.radius[i]));
   }
@@ -111,16 +115,17 @@ void sweep_walls(const LawFunctions<D>& law, double dt, const std::vector<Wall<D
       std::fill_n(history, memory, 0.0);
       return;
     }
-    const ContactKinematics<D> k = wall_kinematics(touch, state, contact.grain);
-    const ContactForce<D> f = law.contact(walls[contact.wall].constants, k, dt, history, ledger);
+    const Wall<D>& wall = walls[contact.wall];
+    const ContactKinematics<D> k = wall_kinematics(touch, wall.spin, state, contact.grain);
+    const ContactForce<D> f = law.contact(wall.constants, k, dt, history, ledger);
     const Vector<D> force = f.vector(k.normal);
-    ledger.given += dot(force, touch.velocity) * dt;
+    ledger.given += (dot(force, touch.velocity) + dot(f.moment, wall.spin)) * dt;
     add(state.force.data(), contact.grain, force);
     add(state.torque.data(), contact.grain,
         (state.radius[contact.grain] - k.overlap) * f.torque(k.normal) + f.moment);
     wall_force[n] = -1.0 * force;
   };
-  const auto carry = [&](std::size_t n, const PolylineTouches& touches) {
+  const auto carry = [&](std::size_t n, const FacetTouches<D>& touches) {
     carry_history(touches, memory, state.wall_history.data() + memory * n);
   };
   for_each_touch(walls, state, first_contact[block], first_contact[block + 1], carry, push);
@@ -132,7 +137,7 @@ void add_node_forces(const std::vector<Wall<2>>& walls, const State<2>& state,
   for (std::size_t n = 0; n < state.wall_contact.size(); ++n) {
     const WallContact& contact = state.wall_contact[n];
     if (contact.element == kNoElement || walls[contact.wall].is_plane()) continue;
-    share_between_nodes(walls[contact.wall], near_segments(state, n),
+    share_between_nodes(walls[contact.wall], near_facets(state, n),
                         load<2>(state.position.data(), contact.grain), state.radius[contact.grain],
                         contact.element, dt * wall_force[n], node_force[contact.wall]);
   }
@@ -172,7 +177,7 @@ std::vector<ContactRecord<D>> measure_contacts(const LawFunctions<D>& law, const
     if (!(touch.overlap > 0)) return;
     const WallContact& contact = state.wall_contact[n];
     ContactRecord<D> record;
-    record.kinematics = wall_kinematics(touch, state, contact.grain);
+    record.kinematics = wall_kinematics(touch, walls[contact.wall].spin, state, contact.grain);
     record.i = contact.grain;
     record.j = contact.wall;
     record.with_wall = true;
@@ -180,7 +185,7 @@ std::vector<ContactRecord<D>> measure_contacts(const LawFunctions<D>& law, const
     measure(record, walls[contact.wall].constants, state.wall_history.data() + remembered * n, remembered);
   };
   for_each_touch(
-      walls, state, 0, state.wall_contact.size(), [](std::size_t, const PolylineTouches&) {}, note);
+      walls, state, 0, state.wall_contact.size(), [](std::size_t, const FacetTouches<D>&) {}, note);
   return records;
 }
 

@@ -68,14 +68,18 @@ std::vector<Wall<D>> scene_walls(const GrainsScene& scene) {
     if (!given.polyline.empty()) {
       wall.node = given.polyline;
       const auto nodes = static_cast<std::uint32_t>(given.polyline.size() / 2);
-      for (std::uint32_t k = 0; k + 1 < nodes; ++k) wall.segment.insert(wall.segment.end(), {k, k + 1});
-      if (given.closed) wall.segment.insert(wall.segment.end(), {nodes - 1, 0});
+      for (std::uint32_t k = 0; k + 1 < nodes; ++k) wall.facet.insert(wall.facet.end(), {k, k + 1});
+      if (given.closed) wall.facet.insert(wall.facet.end(), {nodes - 1, 0});
+    } else if (!given.mesh.triangle.empty()) {
+      wall.node = given.mesh.node;
+      wall.facet = given.mesh.triangle;
     } else {
       for (std::size_t c = 0; c < static_cast<std::size_t>(D); ++c) {
         wall.point[c] = given.point[c];
         wall.normal[c] = given.normal[c];
       }
     }
+    for (std::size_t c = 0; c < given.pivot.size(); ++c) wall.pivot[c] = given.pivot[c];
     walls.push_back(std::move(wall));
   }
   return walls;

@@ -25,6 +25,21 @@ ListSettings list_settings(const DynamicsSettings<D>& settings, double smallest,
   return list;
 }
 
+// Turns the nodes about the pivot through spin x dt (Rodrigues); the longest way of a node.
+template <int D>
+double turn_nodes(Wall<D>& wall, double dt) {
+  const double rate = norm(wall.spin), sine = std::sin(rate * dt), versine = 1 - std::cos(rate * dt);
+  if (rate == 0) return 0;
+  const Spin<D> axis = (1 / rate) * wall.spin;
+  double longest = 0;
+  for (std::size_t k = 0; k < wall.node.size() / D; ++k) {
+    const Vector<D> across = spin_times_arm(axis, load<D>(wall.node.data(), k) - wall.pivot);
+    add(wall.node.data(), k, sine * across + versine * spin_times_arm(axis, across));
+    longest = std::max(longest, norm(across));
+  }
+  return longest * rate * dt;
+}
+
 }  // namespace
 
 template <int D>
@@ -60,7 +75,7 @@ Dynamics<D>::Dynamics(DynamicsSettings<D> settings, const InitialGrains<D>& grai
   state_.wall_travel.assign(d * walls_.size(), 0.0);
   for (Wall<D>& wall : walls_) {
     wall.node_velocity.assign(wall.node.size(), 0.0);
-    link_nodes(wall);
+    link_facets(wall);
     wall_target_.emplace_back();
     node_force_.emplace_back(wall.node.size(), 0.0);
   }
@@ -178,18 +193,26 @@ void Dynamics<D>::move_walls(double dt) {
   double moved = 0;
   for (std::size_t w = 0; w < walls_.size(); ++w) {
     Wall<D>& wall = walls_[w];
+    double way = 0;
+    if (wall_spin && !wall.is_plane()) {
+      wall.spin = wall_spin(w, state_.time - 0.5 * dt);
+      way = turn_nodes(wall, dt);
+    }
     if (wall_velocity) {
       wall.velocity = wall_velocity(w, state_.time - 0.5 * dt);
       const Vector<D> step = dt * wall.velocity;
       wall.point = wall.point + step;
+      wall.pivot = wall.pivot + step;
       for (std::size_t k = 0; k < wall.node.size(); ++k) wall.node[k] += step[k % D];
       add(state_.wall_travel.data(), w, step);
-      moved = std::max(moved, norm(step));
+      way += norm(step);
     }
-    for (std::size_t k = 0; k + 1 < wall.node.size(); k += 2) {
-      for (std::size_t c = 0; c < 2; ++c) wall.node[k + c] += dt * wall.node_velocity[k + c];
-      moved = std::max(moved, dt * std::hypot(wall.node_velocity[k], wall.node_velocity[k + 1]));
-    }
+    moved = std::max(moved, way);
+    if constexpr (D == 2)
+      for (std::size_t k = 0; k + 1 < wall.node.size(); k += 2) {
+        for (std::size_t c = 0; c < 2; ++c) wall.node[k + c] += dt * wall.node_velocity[k + c];
+        moved = std::max(moved, dt * std::hypot(wall.node_velocity[k], wall.node_velocity[k + 1]));
+      }
   }
   wall_moved_ += moved;
 }
@@ -316,101 +339,9 @@ void Dynamics<D>::advance(double duration, std::uint64_t steps, const StepMonito
   for (std::size_t w = 0; w < walls_.size(); ++w) {
     for (double& force : node_force_[w]) force /= duration;
     // No drift of rounding errors.
-    if (!wall_target_[w].empty() && !wall_velocity) walls_[w].node = wall_target_[w];
+    if (!wall_target_[w].empty() && !wall_velocity && !wall_spin) walls_[w].node = wall_target_[w];
   }
   check_finite();
-}
-
-template <int D>
-void Dynamics<D>::advance_gear(double dt, std::uint64_t steps, const StepMonitor& monitor) {
-  // Coefficients for forces that depend on velocities; scaled by A_k so that all correct the acceleration.
-  static constexpr std::array<std::array<double, 6>, 4> kCorrector{
-      {{0, 1, 1, 0, 0, 0},
-       {1.0 / 6, 5.0 / 6, 1, 1.0 / 3, 0, 0},
-       {19.0 / 90, 3.0 / 4, 1, 1.0 / 2, 1.0 / 12, 0},
-       {3.0 / 16, 251.0 / 360, 1, 11.0 / 18, 1.0 / 6, 1.0 / 60}}};
-  const auto terms = static_cast<std::size_t>(settings_.gear_terms);
-  const std::array<double, 6>& corrector = kCorrector[terms - 3];
-  const std::array<double, 6> scale{0.5 * dt * dt, 0.5 * dt, 1, 3 / dt, 12 / (dt * dt), 60 / (dt * dt * dt)};
-  const std::size_t n = state_.size();
-  constexpr std::size_t d = D, s = spin_components<D>;
-  const auto gather_all = [&] {
-    for (std::size_t b = 0; b < block_count(n); ++b) gather(b);
-  };
-  if (gear_position_.empty()) {
-    gear_position_.assign(terms - 2, std::vector<double>(d * n, 0.0));
-    gear_angle_.assign(terms - 2, std::vector<double>(s * n, 0.0));
-    for (std::size_t k = 0; k < d * n; ++k)
-      gear_position_[0][k] = state_.force[k] * state_.inverse_mass[k / d];
-    for (std::size_t k = 0; k < s * n; ++k)
-      gear_angle_[0][k] = state_.torque[k] * state_.inverse_inertia[k / s];
-  }
-  // Taylor expansion of one coordinate (null for the angle, which no force depends on).
-  const auto predict = [&](double* x, double& v, std::vector<std::vector<double>>& higher, std::size_t k) {
-    std::array<double, 6> value{x ? *x : 0, v, 0, 0, 0, 0};
-    for (std::size_t h = 2; h < terms; ++h) value[h] = higher[h - 2][k];
-    for (std::size_t q = 0; q < terms; ++q) {
-      double sum = 0, factor = 1;
-      for (std::size_t h = q; h < terms; ++h) {
-        sum += factor * value[h];
-        factor *= dt / static_cast<double>(h - q + 1);
-      }
-      value[q] = sum;
-    }
-    if (x) *x = value[0];
-    v = value[1];
-    for (std::size_t h = 2; h < terms; ++h) higher[h - 2][k] = value[h];
-  };
-  const auto correct = [&](double* x, double& v, std::vector<std::vector<double>>& higher, std::size_t k,
-                           double acceleration) {
-    const double error = acceleration - higher[0][k];
-    if (x) *x += corrector[0] * scale[0] * error;
-    v += corrector[1] * scale[1] * error;
-    for (std::size_t h = 2; h < terms; ++h) higher[h - 2][k] += corrector[h] * scale[h] * error;
-  };
-  for (std::uint64_t step = 0; step < steps; ++step) {
-    const std::vector<double> before = state_.position;
-    double worst = 0;
-    for (std::size_t k = 0; k < d * n; ++k)
-      predict(&state_.position[k], state_.velocity[k], gear_position_, k);
-    for (std::size_t k = 0; k < s * n; ++k) predict(nullptr, state_.spin[k], gear_angle_, k);
-    for (std::size_t i = 0; i < n; ++i) {
-      double squared = 0, work = 0;
-      for (std::size_t c = 0; c < d; ++c) {
-        const double way = state_.position[d * i + c] - state_.reference_position[d * i + c];
-        squared += way * way;
-        work += state_.external_force[d * i + c] * (state_.position[d * i + c] - before[d * i + c]);
-      }
-      state_.external_work += work;
-      if (!(squared <= worst)) worst = squared;
-    }
-    state_.time += dt;
-    if (!walls_.empty()) move_walls(dt);
-    rebuild_if_due(worst);
-    const std::vector<double> history = state_.history, wall_history = state_.wall_history;
-    const Bonds<D> bonds = bonds_;
-    const EnergyLedger ledger = state_.ledger;
-    const double bond_loss = state_.bond_loss;
-    for (int correction = 0; correction < settings_.gear_corrections; ++correction) {
-      if (correction > 0) {
-        // Every evaluation moves the contacts' memory on from the step's start.
-        state_.history = history;
-        state_.wall_history = wall_history;
-        bonds_ = bonds;
-        state_.ledger = ledger;
-        state_.bond_loss = bond_loss;
-      }
-      evaluate(dt);
-      gather_all();
-      for (std::size_t k = 0; k < d * n; ++k)
-        correct(&state_.position[k], state_.velocity[k], gear_position_, k,
-                state_.force[k] * state_.inverse_mass[k / d]);
-      for (std::size_t k = 0; k < s * n; ++k)
-        correct(nullptr, state_.spin[k], gear_angle_, k, state_.torque[k] * state_.inverse_inertia[k / s]);
-    }
-    if constexpr (D == 2) add_node_forces(walls_, state_, wall_force_, dt, node_force_);
-    if (monitor) monitor(step + 1);
-  }
 }
 
 template <int D>
@@ -448,6 +379,19 @@ Vector<D> Dynamics<D>::wall_force(std::size_t wall) const {
   Vector<D> sum{};
   for (std::size_t n = 0; n < state_.wall_contact.size(); ++n)
     if (state_.wall_contact[n].wall == wall) sum = sum + wall_force_[n];
+  return sum;
+}
+
+template <int D>
+Spin<D> Dynamics<D>::wall_torque(std::size_t wall) const {
+  Spin<D> sum{};
+  for (const ContactRecord<D>& record : contacts()) {
+    if (!record.with_wall || record.j != wall) continue;
+    const Vector<D> at = load<D>(state_.position.data(), record.i) + record.branch;
+    // A rolling resistance is felt too.
+    sum = sum - arm_times_force(at - walls_[wall].pivot, record.force.vector(record.kinematics.normal)) -
+          record.force.moment;
+  }
   return sum;
 }
 

@@ -69,6 +69,8 @@ public:
   void set_external(std::span<const double> force, std::span<const double> torque);
   /// Velocity of wall `w` as a function of time; called once per step.
   std::function<Vector<D>(std::size_t wall, double time)> wall_velocity;
+  /// Its spin about its pivot; planes do not turn.
+  std::function<Spin<D>(std::size_t wall, double time)> wall_spin;
   /// Nodes of polyline `w` go from where they are to `target` during the next advance.
   void set_wall_target(std::size_t wall, std::span<const double> target);
 
@@ -86,6 +88,8 @@ public:
   [[nodiscard]] std::vector<ContactRecord<D>> contacts() const;
   /// Force of the grains on wall `w` at the last step [N].
   [[nodiscard]] Vector<D> wall_force(std::size_t wall) const;
+  /// Its torque about the wall's pivot [N m].
+  [[nodiscard]] Spin<D> wall_torque(std::size_t wall) const;
   /// The same shared between the nodes of a polyline, mean over the last advance; 2 per node.
   [[nodiscard]] const std::vector<double>& node_force(std::size_t wall) const { return node_force_[wall]; }
 

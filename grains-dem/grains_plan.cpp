@@ -34,6 +34,31 @@ std::string variant_of(const GrainsScene& scene) {
   return text;
 }
 
+std::string walls_of(const GrainsScene& scene) {
+  std::size_t planes = 0, polylines = 0, meshes = 0, segments = 0, triangles = 0, moving = 0;
+  for (const WallScene& wall : scene.walls) {
+    if (!wall.velocity.empty() || !wall.spin.empty()) ++moving;
+    if (!wall.polyline.empty()) {
+      ++polylines;
+      segments += wall.polyline.size() / 2 - (wall.closed ? 0 : 1);
+    } else if (!wall.mesh.triangle.empty()) {
+      ++meshes;
+      triangles += wall.mesh.triangle.size() / 3;
+    } else {
+      ++planes;
+    }
+  }
+  std::vector<std::string> parts;
+  const auto add = [&](std::size_t count, const char* one, const char* many, const std::string& of) {
+    if (count > 0) parts.push_back(fmt::format("{} {}{}", count, count == 1 ? one : many, of));
+  };
+  add(planes, "plane", "planes", "");
+  add(polylines, "polyline", "polylines", fmt::format(" of {} segments", segments));
+  add(meshes, "mesh", "meshes", fmt::format(" of {} triangles", triangles));
+  add(moving, "of them moves", "of them move", "");
+  return fmt::format("{}", fmt::join(parts, ", "));
+}
+
 }  // namespace
 
 Plan plan_of(const GrainsScene& scene) {
@@ -140,7 +165,10 @@ Plan plan_of(const GrainsScene& scene) {
   else if (!scene.coupled_to_fluid)
     plan.warnings.emplace_back(
         "cement acts on the fluid, and no fluid takes part; grains are glued by [grains.bond]");
-  if (scene.walls.empty()) plan.left_out.emplace_back("walls");
+  if (scene.walls.empty())
+    plan.left_out.emplace_back("walls");
+  else
+    add("walls", walls_of(scene));
   if (gravity == 0) plan.left_out.emplace_back("gravity");
   if (scene.fluid.virtual_mass > 0 && scene.coupled_to_fluid)
     add("virtual mass", fmt::format("{:g} of the fluid displaced", scene.fluid.virtual_mass));

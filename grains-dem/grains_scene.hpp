@@ -10,6 +10,7 @@
 #include "cement.hpp"
 #include "contact_law.hpp"
 #include "dynamics.hpp"
+#include "mesh_file.hpp"
 #include "participant.hpp"
 #include "scene.hpp"
 
@@ -51,7 +52,10 @@ struct WallScene {
   std::vector<double> point, normal;  // a plane
   std::vector<double> polyline;       // or interleaved nodes, grains on the left
   bool closed = false;
+  TriangleMesh mesh;                  // or triangles in space
   std::vector<std::string> velocity;  // expressions of t; empty: at rest
+  std::vector<std::string> spin;      // about `pivot`, likewise
+  std::vector<double> pivot;
   ContactConstants constants;
 };
 

@@ -68,7 +68,7 @@ private:
   GrainsScene scene_;
   std::optional<Dynamics<D>> dynamics_;
   std::optional<typename Dynamics<D>::Snapshot> kept_;
-  std::vector<std::vector<Expression>> wall_velocity_;
+  std::vector<std::vector<Expression>> wall_velocity_, wall_spin_;
   std::optional<std::size_t> surface_wall_;
   std::vector<double> mass_, pressure_force_, given_force_, given_torque_;
   // Empty without virtual mass; accelerations over the last window, in the scene's order.

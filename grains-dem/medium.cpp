@@ -9,6 +9,18 @@
 #include "granular_medium.hpp"
 
 namespace estuary::grains {
+namespace {
+
+// The motion given for wall `w`; the wet surface, the last one, has none here.
+template <std::size_t N>
+std::array<double, N> evaluated(const std::vector<std::vector<Expression>>& motion, std::size_t w, double t) {
+  std::array<double, N> components{};
+  if (w >= motion.size() || motion[w].size() != N) return components;
+  for (std::size_t c = 0; c < N; ++c) components[c] = motion[w][c](0, 0, 0, t);
+  return components;
+}
+
+}  // namespace
 
 template <int D>
 GranularMedium<D>::GranularMedium(const GrainsScene& scene, const v1::WetSurface* surface,
@@ -23,7 +35,7 @@ GranularMedium<D>::GranularMedium(const GrainsScene& scene, const v1::WetSurface
       wall.name = "wet surface";
       wall.constants = scene.solid_constants;
       wall.node.assign(positions.begin(), positions.end());
-      wall.segment.assign(surface->connectivity().begin(), surface->connectivity().end());
+      wall.facet.assign(surface->connectivity().begin(), surface->connectivity().end());
       surface_wall_ = walls.size();
       walls.push_back(std::move(wall));
     }
@@ -35,20 +47,23 @@ GranularMedium<D>::GranularMedium(const GrainsScene& scene, const v1::WetSurface
   mass_ = grains.mass;
   add_virtual_mass(grains);
   for (const WallScene& wall : scene.walls) {
-    wall_velocity_.emplace_back();
-    for (const std::string& text : wall.velocity) wall_velocity_.back().emplace_back(text);
+    wall_velocity_.emplace_back(wall.velocity.begin(), wall.velocity.end());
+    wall_spin_.emplace_back(wall.spin.begin(), wall.spin.end());
   }
   limit_ =
       step_limit_of(scene, *std::min_element(mass_.begin(), mass_.end()),
                     *std::min_element(grains.radius.begin(), grains.radius.end()) - scene.contact_margin);
   dynamics_.emplace(std::move(settings), grains, std::move(walls));
-  if (std::any_of(scene.walls.begin(), scene.walls.end(),
-                  [](const WallScene& wall) { return !wall.velocity.empty(); }))
+  const auto any = [](const std::vector<std::vector<Expression>>& motion) {
+    return std::any_of(motion.begin(), motion.end(), [](const auto& parts) { return !parts.empty(); });
+  };
+  if (any(wall_velocity_))
     dynamics_->wall_velocity = [this](std::size_t w, double t) {
-      Vector<D> v{};
-      if (w < wall_velocity_.size())
-        for (std::size_t c = 0; c < wall_velocity_[w].size(); ++c) v[c] = wall_velocity_[w][c](0, 0, 0, t);
-      return v;
+      return evaluated<static_cast<std::size_t>(D)>(wall_velocity_, w, t);
+    };
+  if (any(wall_spin_))
+    dynamics_->wall_spin = [this](std::size_t w, double t) {
+      return evaluated<static_cast<std::size_t>(spin_components<D>)>(wall_spin_, w, t);
     };
   if (scene.cement.model != CementScene::Model::none) {
     std::vector<double> radius = grains.radius;
@@ -106,7 +121,7 @@ template <int D>
 bool GranularMedium<D>::at_rest() const {
   const State<D>& state = dynamics_->state();
   const auto zero = [](double value) { return value == 0; };
-  return !surface_wall_ && !dynamics_->wall_velocity &&
+  return !surface_wall_ && !dynamics_->wall_velocity && !dynamics_->wall_spin &&
          std::all_of(state.inverse_mass.begin(), state.inverse_mass.end(), zero) &&
          std::all_of(state.velocity.begin(), state.velocity.end(), zero) &&
          std::all_of(state.spin.begin(), state.spin.end(), zero);

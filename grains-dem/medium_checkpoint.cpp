@@ -46,9 +46,10 @@ void GranularMedium<D>::save(const std::filesystem::path& file) const {
                          static_cast<double>(contact.element), static_cast<double>(contact.near_begin),
                          static_cast<double>(contact.near_end)});
   writer.add("wall_contact", wall_contact);
-  add_numbers("wall_segment", state.wall_segment);
+  add_numbers("wall_facet", state.wall_facet);
   for (std::size_t w = 0; w < dynamics_->walls().size(); ++w) {
     writer.add(fmt::format("wall_{}_point", w), dynamics_->walls()[w].point);
+    writer.add(fmt::format("wall_{}_pivot", w), dynamics_->walls()[w].pivot);
     writer.add(fmt::format("wall_{}_node", w), dynamics_->walls()[w].node);
   }
   const Bonds<D>& bonds = dynamics_->bonds();
@@ -132,26 +133,27 @@ void GranularMedium<D>::load(const std::filesystem::path& file) {
   if (!std::is_sorted(state.row_start.begin(), state.row_start.end()) || state.row_start.back() != pairs)
     throw std::runtime_error(file.string() + ": the pair list is broken");
   const std::vector<double> wall_contact = reader.read_all("wall_contact");
-  const std::size_t near = reader.read_all("wall_segment").size();
-  std::size_t most_segments = 0;
-  for (const Wall<D>& wall : snapshot.walls) most_segments = std::max(most_segments, wall.segments());
-  whole("wall_segment", state.wall_segment, near, static_cast<double>(most_segments));
+  const std::size_t near = reader.read_all("wall_facet").size();
+  std::size_t most_facets = 0;
+  for (const Wall<D>& wall : snapshot.walls) most_facets = std::max(most_facets, wall.facets());
+  whole("wall_facet", state.wall_facet, near, static_cast<double>(most_facets));
   state.wall_contact.clear();
   for (std::size_t k = 0; k + 4 < wall_contact.size(); k += 5) {
     const auto number = [&](std::size_t at) { return static_cast<std::uint32_t>(wall_contact[k + at]); };
     const WallContact contact{number(0), number(1), number(2), number(3), number(4)};
     if (contact.grain >= n || contact.wall >= snapshot.walls.size() ||
         contact.near_begin > contact.near_end || contact.near_end > near)
-      throw std::runtime_error(file.string() + " names a grain, wall or segment that there is not");
+      throw std::runtime_error(file.string() + " names a grain, wall or facet that there is not");
     for (std::uint32_t m = contact.near_begin; m < contact.near_end; ++m)
-      if (state.wall_segment[m] >= snapshot.walls[contact.wall].segments())
-        throw std::runtime_error(file.string() + " names a segment that there is not");
+      if (state.wall_facet[m] >= snapshot.walls[contact.wall].facets())
+        throw std::runtime_error(file.string() + " names a facet that there is not");
     state.wall_contact.push_back(contact);
   }
   state.wall_history.resize(memory * state.wall_contact.size() + 8);
   reader.read("wall_history", state.wall_history);
   for (std::size_t w = 0; w < snapshot.walls.size(); ++w) {
     reader.read(fmt::format("wall_{}_point", w), snapshot.walls[w].point);
+    reader.read(fmt::format("wall_{}_pivot", w), snapshot.walls[w].pivot);
     reader.read(fmt::format("wall_{}_node", w), snapshot.walls[w].node);
   }
   Bonds<D>& bonds = snapshot.bonds;

@@ -100,6 +100,7 @@ WatchedValues GranularMedium<D>::watch_region(const WatchScene& watch) const {
   }
   values.emplace_back("pressure", pressure);
   values.emplace_back("porosity", 1 - measure.solid / measure.volume);
+  values.emplace_back("specific_surface", measure.solid > 0 ? measure.surface / measure.solid : 0);
   values.emplace_back("temperature", measure.temperature);
   values.emplace_back("grains", measure.grains);
   for (std::size_t c = 0; c < D; ++c)
@@ -119,6 +120,9 @@ WatchedValues GranularMedium<D>::watch_wall(const std::string& name) const {
     for (std::size_t c = 0; c < D; ++c)
       values.emplace_back(std::string("displacement_") + kAxisName[c],
                           dynamics_->state().wall_travel[D * w + c]);
+    const Spin<D> torque = dynamics_->wall_torque(w);
+    for (std::size_t c = 0; c < torque.size(); ++c)
+      values.emplace_back(D == 2 ? std::string("torque") : std::string("torque_") + kAxisName[c], torque[c]);
   }
   return values;
 }

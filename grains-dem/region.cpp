@@ -30,6 +30,11 @@ double share_below(int dimension, double r, double h) {
   return 0.25 * (2 + 3 * s - s * s * s);
 }
 
+double surface_share_below(int dimension, double r, double h) {
+  const double s = std::clamp(h / r, -1.0, 1.0);
+  return dimension == 2 ? 1 - std::acos(s) / std::numbers::pi : 0.5 * (1 + s);
+}
+
 template <int D>
 RegionMeasure<D> measure_region(const Dynamics<D>& dynamics, const Vector<D>& from_given,
                                 const Vector<D>& to_given, double radius_margin,
@@ -60,10 +65,14 @@ RegionMeasure<D> measure_region(const Dynamics<D>& dynamics, const Vector<D>& fr
   for (std::size_t i = 0; i < state.size(); ++i) {
     const Vector<D> x = load<D>(state.position.data(), i);
     const double r = state.radius[i] - radius_margin;
-    double share = 1;
-    for (std::size_t c = 0; c < static_cast<std::size_t>(D); ++c)
-      if (!whole[c]) share *= share_below(D, r, to[c] - x[c]) - share_below(D, r, from[c] - x[c]);
+    double share = 1, surface_share = 1;
+    for (std::size_t c = 0; c < static_cast<std::size_t>(D); ++c) {
+      if (whole[c]) continue;
+      share *= share_below(D, r, to[c] - x[c]) - share_below(D, r, from[c] - x[c]);
+      surface_share *= surface_share_below(D, r, to[c] - x[c]) - surface_share_below(D, r, from[c] - x[c]);
+    }
     result.solid += share * (D == 2 ? std::numbers::pi * r * r : 4.0 / 3 * std::numbers::pi * r * r * r);
+    result.surface += surface_share * (D == 2 ? 2 * std::numbers::pi * r : 4 * std::numbers::pi * r * r);
     if (!outer_force.empty())
       result.outer_force =
           result.outer_force + (share / result.volume) * load<D>(outer_force.data(), state.identity[i]);

@@ -7,8 +7,9 @@ namespace estuary::grains {
 
 template <int D>
 struct RegionMeasure {
-  double volume = 0;  // of the box
-  double solid = 0;   // of the grains in it
+  double volume = 0;   // of the box
+  double solid = 0;    // of the grains in it
+  double surface = 0;  // of the grains in it [m2; m in the plane]
   /// Stress, compression positive: sum over contacts of force (of i on j) times branch (from i to j), each
   /// with the part of the branch inside the box (1.20 of the thesis; Christoffersen, Mehrabadi & Nemat-Nasser
   /// 1981).
@@ -26,5 +27,7 @@ RegionMeasure<D> measure_region(const Dynamics<D>& dynamics, const Vector<D>& fr
 
 /// Share of a disc or sphere of radius r around 0 that lies below the plane at height h.
 double share_below(int dimension, double r, double h);
+/// Share of its outline (surface) that does; of a sphere's the height's own (Archimedes).
+double surface_share_below(int dimension, double r, double h);
 
 }  // namespace estuary::grains

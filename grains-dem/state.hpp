@@ -28,17 +28,17 @@ inline std::size_t block_end(std::size_t block, std::size_t grains) {
   return std::min(grains, (block + 1) * kBlockSize);
 }
 
-/// Pieces of one polyline that a grain can touch at a time with a memory of each.
+/// Pieces of one polyline or mesh that a grain can touch at a time with a memory of each.
 inline constexpr std::size_t kWallContacts = 4;
 inline constexpr std::uint32_t kNoElement = 0xffffffff;
 
-/// A grain within reach of a wall: one entry for a plane, kWallContacts for a polyline, one per piece
+/// A grain within reach of a wall: one entry for a plane, kWallContacts for a polyline or mesh, one per piece
 /// touched.
 struct WallContact {
   std::uint32_t grain = 0;
   std::uint32_t wall = 0;
-  std::uint32_t element = kNoElement;          // a segment of the piece touched; see walls.hpp
-  std::uint32_t near_begin = 0, near_end = 0;  // of State::wall_segment
+  std::uint32_t element = kNoElement;          // a facet of the piece touched; see walls.hpp
+  std::uint32_t near_begin = 0, near_end = 0;  // of State::wall_facet
 };
 
 template <int D>
@@ -57,13 +57,13 @@ struct State {
   // Pairs that may touch before the list is next rebuilt, row by row; partner > row, ascending.
   std::vector<double> reference_position;  // where the grains were at the last rebuild
   std::vector<std::uint32_t> row_start, partner;
-  std::vector<std::uint8_t> image;          // which periodic image of the partner
-  std::vector<double> root_mass;            // sqrt(m*)
-  std::vector<double> history;              // history_size per pair
-  std::vector<WallContact> wall_contact;    // ordered by grain
-  std::vector<std::uint32_t> wall_segment;  // of polylines, within reach of a grain
-  std::vector<double> wall_history;         // history_size per wall contact
-  std::vector<double> wall_travel;          // per wall: displacement since the start, D each [m]
+  std::vector<std::uint8_t> image;        // which periodic image of the partner
+  std::vector<double> root_mass;          // sqrt(m*)
+  std::vector<double> history;            // history_size per pair
+  std::vector<WallContact> wall_contact;  // ordered by grain
+  std::vector<std::uint32_t> wall_facet;  // of polylines and meshes, within reach of a grain
+  std::vector<double> wall_history;       // history_size per wall contact
+  std::vector<double> wall_travel;        // per wall: displacement since the start, D each [m]
 
   double time = 0;
   EnergyLedger ledger;

@@ -99,6 +99,8 @@ TEST(Region, ShareBelowIsExact) {
     EXPECT_DOUBLE_EQ(share_below(d, 2, -3), 0);
   }
   EXPECT_NEAR(share_below(3, 1, 0.5), 27.0 / 32, 1e-15);
+  EXPECT_NEAR(surface_share_below(2, 2, 1), 2.0 / 3, 1e-15);
+  EXPECT_NEAR(surface_share_below(3, 2, 1), 0.75, 1e-15);
 }
 
 TEST(Region, StressOfAColumnIsItsWeight) {

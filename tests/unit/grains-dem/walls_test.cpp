@@ -13,8 +13,8 @@ Wall<2> polyline(const std::vector<double>& nodes, const ContactConstants& const
   wall.node = nodes;
   wall.constants = constants;
   const auto count = static_cast<std::uint32_t>(nodes.size() / 2);
-  for (std::uint32_t k = 0; k + 1 < count; ++k) wall.segment.insert(wall.segment.end(), {k, k + 1});
-  if (closed) wall.segment.insert(wall.segment.end(), {count - 1, 0});
+  for (std::uint32_t k = 0; k + 1 < count; ++k) wall.facet.insert(wall.facet.end(), {k, k + 1});
+  if (closed) wall.facet.insert(wall.facet.end(), {count - 1, 0});
   return wall;
 }
 
@@ -75,7 +75,7 @@ TEST(Polyline, ThinWallHoldsGrainsOnBothSides) {
 
 // Elastic force of all pieces on a grain at x, per stiffness.
 Vector<2> elastic_force(const Wall<2>& wall, const Vector<2>& x, double r) {
-  std::vector<std::uint32_t> near(wall.segments());
+  std::vector<std::uint32_t> near(wall.facets());
   for (std::uint32_t s = 0; s < near.size(); ++s) near[s] = s;
   Vector<2> force{};
   const std::array<std::uint32_t, kWallContacts> none{kNoElement, kNoElement, kNoElement, kNoElement};
@@ -95,7 +95,7 @@ TEST(Polyline, ForceHasNoJumpWhereverTheLineBends) {
         {-1, 0, 0, 0, 0, 1},
         {-1, 0.1, -0.004, 0.0003, -0.001, 0, 0.002, 0, 0.003, 0.0002, 1, 0.3}}) {
     Wall<2> wall = polyline(nodes, {});
-    link_nodes(wall);
+    link_facets(wall);
     wall.node_velocity.assign(wall.node.size(), 0.0);
     const double step = 2e-6;
     double worst = 0;
@@ -105,7 +105,7 @@ TEST(Polyline, ForceHasNoJumpWhereverTheLineBends) {
         const double x = -0.02 + step * k;
         // Along the line that is `height` radii above the left branch, then the right one.
         double y = -1;
-        for (std::size_t s = 0; s < wall.segments(); ++s) {
+        for (std::size_t s = 0; s < wall.facets(); ++s) {
           const Vector<2> a{nodes[2 * s], nodes[2 * s + 1]}, b{nodes[2 * s + 2], nodes[2 * s + 3]};
           if (x < a[0] || x > b[0] || a[0] == b[0]) continue;
           y = a[1] + (b[1] - a[1]) * (x - a[0]) / (b[0] - a[0]) + height * r;
@@ -123,7 +123,7 @@ TEST(Polyline, ForceHasNoJumpWhereverTheLineBends) {
 TEST(Polyline, ForceIsAGradientRoundABend) {
   // No work on a closed way through the places where feet appear and vanish.
   Wall<2> wall = polyline({-1, 0.3, 0, 0, 0.003, 0.0002, 1, 0.4}, {});
-  link_nodes(wall);
+  link_facets(wall);
   wall.node_velocity.assign(wall.node.size(), 0.0);
   double work = 0, way = 0;
   const int parts = 20000;
