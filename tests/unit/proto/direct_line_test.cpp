@@ -7,6 +7,8 @@
 #include <unistd.h>
 
 #include <array>
+#include <chrono>
+#include <ctime>
 #include <filesystem>
 #include <thread>
 
@@ -156,6 +158,38 @@ TEST(ClientChannel, SendsWindowsOverTheLineAndTheRestOverTheChannel) {
   const auto again = server.receive(std::chrono::milliseconds(5000));
   ASSERT_TRUE(again && again->request);
   EXPECT_TRUE(again->request->has_advance());
+}
+
+TEST(LineWatch, SeesWhatComesAndKeepsToItsTimeout) {
+  Pair line;
+  LineWatch watch;
+  std::array<pollfd, 1> watched{{{line.far.descriptor(), POLLIN, 0}}};
+  EXPECT_FALSE(watch.wait(watched, std::chrono::milliseconds(20)));
+  EXPECT_NE(line.near.send(advance(3)), 0u);
+  EXPECT_TRUE(watch.wait(watched, std::nullopt));
+  EXPECT_NE(watched[0].revents & POLLIN, 0);
+  std::thread writer([&] {
+    v1::Request received;
+    EXPECT_EQ(line.far.receive(received), DirectLine::Received::message);
+    std::this_thread::sleep_for(std::chrono::milliseconds(1));
+    EXPECT_NE(line.near.send(advance(3)), 0u);
+  });
+  writer.join();
+  EXPECT_TRUE(watch.wait(watched, std::nullopt));
+}
+
+TEST(LineWatch, SleepsThroughLongWaits) {
+  const auto used = [] {
+    timespec time{};
+    ::clock_gettime(CLOCK_THREAD_CPUTIME_ID, &time);
+    return static_cast<double>(time.tv_sec) + 1e-9 * static_cast<double>(time.tv_nsec);
+  };
+  Pair line;
+  LineWatch watch;
+  std::array<pollfd, 1> watched{{{line.far.descriptor(), POLLIN, 0}}};
+  const double before = used();
+  for (int k = 0; k < 5; ++k) EXPECT_FALSE(watch.wait(watched, std::chrono::milliseconds(20)));
+  EXPECT_LT(used() - before, 0.02);  // of 0.1 s
 }
 
 }  // namespace
