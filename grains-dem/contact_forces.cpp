@@ -33,7 +33,7 @@ WallTouch<D> touch_plane(const Wall<D>& wall, const Vector<D>& x, double r) {
 
 template <int D>
 ContactKinematics<D> wall_kinematics(const WallTouch<D>& touch, const Spin<D>& wall_spin,
-                                     const State<D>& state, std::size_t i) {
+                                     const State<D>& state, std::size_t i, double lag) {
   const double r = state.radius[i];
   const Spin<D> spin = load<spin_components<D>>(state.spin.data(), i);
   ContactKinematics<D> k;
@@ -44,6 +44,7 @@ ContactKinematics<D> wall_kinematics(const WallTouch<D>& touch, const Spin<D>& w
   k.radius_sum = 2 * r;
   k.reduced_radius = r;
   k.root_mass = std::sqrt(1 / state.inverse_mass[i]);
+  k.slowing = lag * state.inverse_mass[i];
   return k;
 }
 
@@ -102,8 +103,8 @@ void for_each_touch(const std::vector<Wall<D>>& walls, const State<D>& state, st
 }  // namespace
 
 template <int D>
-void sweep_walls(const LawFunctions<D>& law, double dt, const std::vector<Wall<D>>& walls, std::size_t block,
-                 const std::vector<std::uint32_t>& first_contact, State<D>& state,
+void sweep_walls(const LawFunctions<D>& law, double dt, double lag, const std::vector<Wall<D>>& walls,
+                 std::size_t block, const std::vector<std::uint32_t>& first_contact, State<D>& state,
                  std::vector<Vector<D>>& wall_force, EnergyLedger& ledger) {
   const std::size_t memory = wall_memory(state);
   const auto push = [&](std::size_t n, const WallTouch<D>& touch) {
@@ -116,7 +117,7 @@ void sweep_walls(const LawFunctions<D>& law, double dt, const std::vector<Wall<D
       return;
     }
     const Wall<D>& wall = walls[contact.wall];
-    const ContactKinematics<D> k = wall_kinematics(touch, wall.spin, state, contact.grain);
+    const ContactKinematics<D> k = wall_kinematics(touch, wall.spin, state, contact.grain, lag);
     const ContactForce<D> f = law.contact(wall.constants, k, dt, history, ledger);
     const Vector<D> force = f.vector(k.normal);
     ledger.given += (dot(force, touch.velocity) + dot(f.moment, wall.spin)) * dt;
@@ -169,7 +170,7 @@ std::vector<ContactRecord<D>> measure_contacts(const LawFunctions<D>& law, const
       record.i = static_cast<std::uint32_t>(i);
       record.j = static_cast<std::uint32_t>(j);
       record.kinematics =
-          pair_kinematics(state, i, j, (1 / distance) * record.branch, distance, state.root_mass[k]);
+          pair_kinematics(state, i, j, (1 / distance) * record.branch, distance, state.root_mass[k], 0.0);
       measure(record, input.constants, state.history.data() + memory * k, memory);
     }
   const std::size_t remembered = wall_memory(state);
@@ -177,7 +178,7 @@ std::vector<ContactRecord<D>> measure_contacts(const LawFunctions<D>& law, const
     if (!(touch.overlap > 0)) return;
     const WallContact& contact = state.wall_contact[n];
     ContactRecord<D> record;
-    record.kinematics = wall_kinematics(touch, walls[contact.wall].spin, state, contact.grain);
+    record.kinematics = wall_kinematics(touch, walls[contact.wall].spin, state, contact.grain, 0.0);
     record.i = contact.grain;
     record.j = contact.wall;
     record.with_wall = true;
@@ -191,10 +192,10 @@ std::vector<ContactRecord<D>> measure_contacts(const LawFunctions<D>& law, const
 
 template LawFunctions<2> law_functions<2>(const LawChoice&);
 template LawFunctions<3> law_functions<3>(const LawChoice&);
-template void sweep_walls(const LawFunctions<2>&, double, const std::vector<Wall<2>>&, std::size_t,
+template void sweep_walls(const LawFunctions<2>&, double, double, const std::vector<Wall<2>>&, std::size_t,
                           const std::vector<std::uint32_t>&, State<2>&, std::vector<Vector<2>>&,
                           EnergyLedger&);
-template void sweep_walls(const LawFunctions<3>&, double, const std::vector<Wall<3>>&, std::size_t,
+template void sweep_walls(const LawFunctions<3>&, double, double, const std::vector<Wall<3>>&, std::size_t,
                           const std::vector<std::uint32_t>&, State<3>&, std::vector<Vector<3>>&,
                           EnergyLedger&);
 template std::vector<ContactRecord<2>> measure_contacts(const LawFunctions<2>&, const SweepInput<2>&,

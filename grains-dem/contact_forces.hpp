@@ -15,6 +15,7 @@ template <int D>
 struct SweepInput {
   ContactConstants constants;
   double dt = 0;
+  double lag = 0;  // by which velocities are older than positions [s]
   std::array<Vector<D>, kImages<D>> shift{};
 };
 
@@ -50,7 +51,8 @@ LawFunctions<D> law_functions(const LawChoice& choice);
 /// so that the forces turn both grains without changing the total angular momentum.
 template <int D>
 inline ContactKinematics<D> pair_kinematics(const State<D>& state, std::size_t i, std::size_t j,
-                                            const Vector<D>& normal, double distance, double root_mass) {
+                                            const Vector<D>& normal, double distance, double root_mass,
+                                            double lag) {
   const double ri = state.radius[i], rj = state.radius[j];
   ContactKinematics<D> k;
   k.normal = normal;
@@ -58,6 +60,7 @@ inline ContactKinematics<D> pair_kinematics(const State<D>& state, std::size_t i
   k.overlap = k.radius_sum - distance;
   k.reduced_radius = ri * rj / k.radius_sum;
   k.root_mass = root_mass;
+  k.slowing = lag * (state.inverse_mass[i] + state.inverse_mass[j]);
   const Spin<D> wi = load<spin_components<D>>(state.spin.data(), i);
   const Spin<D> wj = load<spin_components<D>>(state.spin.data(), j);
   const double arm_i = ri - 0.5 * k.overlap, arm_j = rj - 0.5 * k.overlap;
@@ -70,8 +73,8 @@ inline ContactKinematics<D> pair_kinematics(const State<D>& state, std::size_t i
 /// Forces of walls on the grains of one block; `wall_force` (one entry per wall contact) receives the force
 /// on the wall.
 template <int D>
-void sweep_walls(const LawFunctions<D>& law, double dt, const std::vector<Wall<D>>& walls, std::size_t block,
-                 const std::vector<std::uint32_t>& first_contact, State<D>& state,
+void sweep_walls(const LawFunctions<D>& law, double dt, double lag, const std::vector<Wall<D>>& walls,
+                 std::size_t block, const std::vector<std::uint32_t>& first_contact, State<D>& state,
                  std::vector<Vector<D>>& wall_force, EnergyLedger& ledger);
 
 /// Divides the forces on polylines (one per wall contact) between their nodes: adds force times `dt` to

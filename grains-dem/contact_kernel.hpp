@@ -31,8 +31,12 @@ inline ContactForce<D> contact(const ContactConstants& c, const ContactKinematic
   } else {
     tangential_damping = c.tangential_damping * damping;
   }
+  double attraction = 0;
+  if constexpr (Cohesive) attraction = c.cohesion;
   const double normal_force = std::max(0.0, elastic + damping * closing);
-  ledger.normal += (normal_force - elastic) * closing * dt;
+  // Velocities are half a step older than positions; the work is that of the mean over the step.
+  const double mean_closing = closing - (normal_force - attraction) * k.slowing;
+  ledger.normal += (normal_force - elastic) * mean_closing * dt;
 
   ContactForce<D> result;
   result.friction = {};

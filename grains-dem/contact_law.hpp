@@ -95,6 +95,7 @@ struct ContactKinematics {
   double radius_sum;      // r_i + r_j; the diameter of i at a wall
   double reduced_radius;  // R* = r_i r_j / (r_i + r_j)
   double root_mass;       // sqrt(m*)
+  double slowing;         // time by which the force's velocity is later than `closing`, over m* [s/kg]
 };
 
 template <int D>

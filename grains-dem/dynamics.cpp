@@ -4,6 +4,8 @@
 #include <cmath>
 #include <limits>
 
+#include "block_motion.hpp"
+
 namespace estuary::grains {
 namespace {
 
@@ -233,6 +235,7 @@ void Dynamics<D>::gather(std::size_t b) {
 template <int D>
 void Dynamics<D>::evaluate(double dt) {
   input_.dt = dt;
+  input_.lag = settings_.integrator == Integrator::verlet ? 0.5 * dt : 0;
   const std::size_t n = state_.size(), blocks = block_count(n);
   constexpr std::size_t s = spin_components<D>;
   // Stretches and angles move on with the step; energies are summed in the order of the blocks.
@@ -250,7 +253,8 @@ void Dynamics<D>::evaluate(double dt) {
     if (settings_.lubrication.active())
       sweep_lubrication(settings_.lubrication, input_, b, state_, cross_, block_ledger_[b]);
     if (first_wall_contact_[b] != first_wall_contact_[b + 1])
-      sweep_walls(law_, dt, walls_, b, first_wall_contact_, state_, wall_force_, block_ledger_[b]);
+      sweep_walls(law_, dt, input_.lag, walls_, b, first_wall_contact_, state_, wall_force_,
+                  block_ledger_[b]);
   }
   for (std::size_t b = 0; b < blocks; ++b) state_.ledger += block_ledger_[b];
   if (bonds_.size() > 0)
@@ -261,47 +265,30 @@ void Dynamics<D>::evaluate(double dt) {
 template <int D>
 double Dynamics<D>::update(double kick, double drift, bool gather_first, double dt) {
   const std::size_t n = state_.size(), blocks = block_count(n);
-  constexpr std::size_t s = spin_components<D>;
 #pragma omp parallel for schedule(static) if (blocks >= kParallelBlocks)
   for (std::size_t b = 0; b < blocks; ++b) {
     if (gather_first) gather(b);
-    double worst = 0, work = 0, given = 0;
-    for (std::size_t i = block_begin(b); i < block_end(b, n); ++i) {
-      const double push = kick * state_.inverse_mass[i], turn = kick * state_.inverse_inertia[i];
-      double squared = 0;
-      for (std::size_t c = 0; c < D; ++c) {
-        const std::size_t k = D * i + c;
-        const double v = state_.velocity[k] + push * state_.force[k];
-        state_.velocity[k] = v;
-        const double x = state_.position[k] + drift * v;
-        state_.position[k] = x;
-        const double way = x - state_.reference_position[k];
-        squared += way * way;
-        work += state_.external_force[k] * v;
-      }
-      for (std::size_t c = 0; c < s; ++c) {
-        const std::size_t k = s * i + c;
-        state_.spin[k] += turn * state_.torque[k];
-      }
-      // A grain that moves as prescribed gives what the others do on it.
-      if (state_.inverse_mass[i] == 0) {
-        for (std::size_t c = 0; c < D; ++c) given -= state_.force[D * i + c] * state_.velocity[D * i + c];
-        for (std::size_t c = 0; c < s; ++c) given -= state_.torque[s * i + c] * state_.spin[s * i + c];
-      }
-      // Also keeps what is not a number.
-      if (!(squared <= worst)) worst = squared;
-    }
+    const std::size_t begin = block_begin(b), end = block_end(b, n);
+    const BlockMotion motion = move_block(kick, drift, begin, end, state_);
+    block_displacement_[b] = motion.displacement_squared;
+    double work = motion.work;
+    constexpr std::size_t s = spin_components<D>;
     if (external_torque_)
-      for (std::size_t k = s * block_begin(b); k < s * block_end(b, n); ++k)
-        work += state_.external_torque[k] * state_.spin[k];
-    block_displacement_[b] = worst;
+      for (std::size_t k = s * begin; k < s * end; ++k) work += state_.external_torque[k] * state_.spin[k];
     block_work_[b] = work * drift;
     block_ledger_[b] = {};
+    // A grain that moves as prescribed gives what the others do on it.
+    double given = 0;
+    for (std::size_t i = begin; i < end; ++i) {
+      if (state_.inverse_mass[i] != 0) continue;
+      for (std::size_t c = 0; c < D; ++c) given -= state_.force[D * i + c] * state_.velocity[D * i + c];
+      for (std::size_t c = 0; c < s; ++c) given -= state_.torque[s * i + c] * state_.spin[s * i + c];
+    }
     block_ledger_[b].given = given * dt;
   }
   double worst = 0;
   for (std::size_t b = 0; b < blocks; ++b) {
-    if (!(block_displacement_[b] <= worst)) worst = block_displacement_[b];
+    if (!std::isnan(worst) && !(block_displacement_[b] <= worst)) worst = block_displacement_[b];
     state_.external_work += block_work_[b];
     state_.ledger.given += block_ledger_[b].given;
   }

@@ -72,6 +72,14 @@ void sweep_pairs(const SweepInput<D>& input, std::size_t block, State<D>& state,
   EnergyLedger lost;
   TouchingPairs<D> touching;
   auto slot = static_cast<std::uint32_t>(cross.first_slot[block]);
+  // A row's sum is added when the row ends: in registers, and in an order that chunks do not change.
+  std::size_t row = block_begin(block);
+  Vector<D> row_force{};
+  Spin<D> row_torque{};
+  const auto end_row = [&] {
+    add(force, row, row_force);
+    if constexpr (turns) add(torque, row, row_torque);
+  };
   const std::size_t last = state.row_start[end];
   for (std::size_t first = state.row_start[block_begin(block)]; first < last;
        first += TouchingPairs<D>::kMost) {
@@ -80,18 +88,25 @@ void sweep_pairs(const SweepInput<D>& input, std::size_t block, State<D>& state,
     for (std::size_t m = 0; m < touching.count; ++m) {
       const std::size_t k = touching.pair[m];
       const std::size_t i = cross.row[k], j = state.partner[k];
+      if (i != row) {
+        end_row();
+        row = i;
+        row_force = {};
+        row_torque = {};
+      }
       const Vector<D> normal = touching.inverse[m] * load<D>(touching.apart.data(), m);
-      const auto kinematics = pair_kinematics(state, i, j, normal, touching.distance[m], root_mass[k]);
+      const auto kinematics =
+          pair_kinematics(state, i, j, normal, touching.distance[m], root_mass[k], input.lag);
       const ContactForce<D> f =
           contact<D, N, F, R, Cohesive>(input.constants, kinematics, input.dt, history + memory * k, lost);
       const Vector<D> on_i = f.vector(normal);
-      add(force, i, on_i);
+      row_force = row_force + on_i;
       Spin<D> on_j_torque{};
       if constexpr (turns) {
         // The torque of the contact force about each centre has the same sense on both.
         const Spin<D> turn = f.torque(normal);
         const double half = 0.5 * kinematics.overlap;
-        add(torque, i, (radius[i] - half) * turn + f.moment);
+        row_torque = row_torque + (radius[i] - half) * turn + f.moment;
         on_j_torque = (radius[j] - half) * turn - f.moment;
       }
       if (j < end) {
@@ -104,6 +119,7 @@ void sweep_pairs(const SweepInput<D>& input, std::size_t block, State<D>& state,
       }
     }
   }
+  end_row();
   ledger += lost;
 }
 

@@ -141,7 +141,7 @@ TEST(Mesh, CornerHoldsASphereByThreeContacts) {
   InitialGrains<3> grains;
   add_grain<3>(grains, {-0.0895, -0.0895, -0.0895}, {}, 0.01);
   Dynamics<3> dynamics(settings, grains, {cube(0.1, settings.constants)});
-  dynamics.advance(0.3, 12000);
+  dynamics.advance(0.3, 60000);
   const auto contacts = dynamics.contacts();
   ASSERT_EQ(contacts.size(), 3u);
   const Vector<3> force = dynamics.wall_force(0);
