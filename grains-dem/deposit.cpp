@@ -109,7 +109,8 @@ namespace {
 
 template <int D>
 double settle(const GrainsScene& scene, DynamicsSettings<D> settings, std::vector<Wall<D>> walls,
-              double friction, const InitialGrains<D>& start, InitialGrains<D>& rest) {
+              double friction, const InitialGrains<D>& start, const DepositMonitor& monitor,
+              InitialGrains<D>& rest) {
   const double restitution = scene.deposit.restitution.value_or(scene.restitution);
   settings.integrator = Integrator::verlet;
   settings.lubrication = {};
@@ -135,9 +136,14 @@ double settle(const GrainsScene& scene, DynamicsSettings<D> settings, std::vecto
   constexpr int kParts = 100;
   const double part = scene.deposit.end_time / kParts;
   const auto steps = static_cast<std::uint64_t>(part / limit.step) + 1;
+  const std::uint64_t every = std::max<std::uint64_t>(1, 200'000 / (start.size() + 1));
   const double rest_speed = scene.deposit.tolerance * std::sqrt(gravity * 2 * mean);
   for (int k = 1;; ++k) {
-    dynamics.advance(part, steps);
+    // Reported by steps: a hundredth of a large deposit may take minutes.
+    dynamics.advance(part, steps, [&](std::uint64_t step) {
+      if (monitor && step % every == 0)
+        monitor((k - 1 + static_cast<double>(step) / static_cast<double>(steps)) / kParts);
+    });
     double sum = 0;
     const State<D>& state = dynamics.state();
     for (std::size_t i = 0; i < state.size(); ++i) sum += norm(load<D>(state.velocity.data(), i));
@@ -163,16 +169,17 @@ double settle(const GrainsScene& scene, DynamicsSettings<D> settings, std::vecto
 
 template <int D>
 void deposit(const GrainsScene& scene, const DynamicsSettings<D>& settings, const std::vector<Wall<D>>& walls,
-             InitialGrains<D>& grains) {
+             InitialGrains<D>& grains, const DepositMonitor& monitor) {
   const InitialGrains<D> start = grains;
   if (!scene.deposit.target_porosity) {
-    settle(scene, settings, walls, scene.deposit.friction.value_or(scene.constants.friction), start, grains);
+    settle(scene, settings, walls, scene.deposit.friction.value_or(scene.constants.friction), start, monitor,
+           grains);
     return;
   }
   const double target = *scene.deposit.target_porosity, tolerance = scene.deposit.porosity_tolerance;
   double low = 0, high = 1;
   InitialGrains<D> rest;
-  const double densest = settle(scene, settings, walls, low, start, rest);
+  const double densest = settle(scene, settings, walls, low, start, monitor, rest);
   if (densest > target - tolerance) {
     grains = rest;
     if (std::abs(densest - target) <= tolerance) return;
@@ -182,7 +189,7 @@ void deposit(const GrainsScene& scene, const DynamicsSettings<D>& settings, cons
   }
   for (int attempt = 0; attempt < 12; ++attempt) {
     const double friction = attempt == 0 ? high : 0.5 * (low + high);
-    const double porosity = settle(scene, settings, walls, friction, start, rest);
+    const double porosity = settle(scene, settings, walls, friction, start, monitor, rest);
     if (std::abs(porosity - target) <= tolerance) {
       grains = rest;
       return;
@@ -203,7 +210,7 @@ void deposit(const GrainsScene& scene, const DynamicsSettings<D>& settings, cons
   template DynamicsSettings<D> dynamics_settings<D>(const GrainsScene&, const InitialGrains<D>&);       \
   template std::vector<Wall<D>> scene_walls<D>(const GrainsScene&);                                     \
   template void deposit<D>(const GrainsScene&, const DynamicsSettings<D>&, const std::vector<Wall<D>>&, \
-                           InitialGrains<D>&);                                                          \
+                           InitialGrains<D>&, const DepositMonitor&);                                   \
   template double middle_porosity<D>(const Dynamics<D>&, const std::vector<double>&, double);
 ESTUARY_DEPOSIT(2)
 ESTUARY_DEPOSIT(3)

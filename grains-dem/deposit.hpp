@@ -3,6 +3,7 @@
 
 #include "dynamics.hpp"
 #include "grains_scene.hpp"
+#include "medium.hpp"
 
 namespace estuary::grains {
 
@@ -21,7 +22,7 @@ std::vector<Wall<D>> scene_walls(const GrainsScene& scene);
 /// time, or the porosity cannot be reached.
 template <int D>
 void deposit(const GrainsScene& scene, const DynamicsSettings<D>& settings, const std::vector<Wall<D>>& walls,
-             InitialGrains<D>& grains);
+             InitialGrains<D>& grains, const DepositMonitor& monitor = {});
 
 /// Porosity of the middle of a deposit: between 15 % and 75 % of its height against gravity.
 template <int D>

@@ -69,7 +69,12 @@ v1::Exchange Grains::start(const v1::Exchange& initial, const std::filesystem::p
   } else if (scene_.coupled_to_solid) {
     throw BadInput("initial.wet_surface", "the scene has a solid, but no wet surface was sent");
   }
-  medium_ = make_medium(scene_, initial.has_wet_surface() ? &surface_ : nullptr, positions);
+  const DepositMonitor monitor = [this](double part) {
+    if (board_ == nullptr) return;
+    board_->report(part, "deposit");
+    if (board_->stop_requested()) throw Interrupted();
+  };
+  medium_ = make_medium(scene_, initial.has_wet_surface() ? &surface_ : nullptr, positions, monitor);
   if (scene_.repeats_windows) medium_->keep();
   for (const WatchScene& watch : scene_.watches)
     if (watch.kind == WatchKind::grain && watch.grain >= medium_->size())

@@ -14,6 +14,7 @@ Plan plan_of(const GrainsScene& scene);
 
 class Grains final : public Participant {
 public:
+  void report_to(ProgressBoard& board) override { board_ = &board; }
   [[nodiscard]] Identity identity() const override;
   Plan configure(Scene& scene, const std::string& role) override;
   /// Gives the grains' states when a fluid takes part; takes the wet surface of a solid when one does.
@@ -31,6 +32,7 @@ private:
   /// Steps through the window.
   void move(const Window& window, ProgressBoard& progress);
 
+  ProgressBoard* board_ = nullptr;  // for the deposit
   GrainsScene scene_;
   std::filesystem::path folder_;
   std::unique_ptr<Medium> medium_;

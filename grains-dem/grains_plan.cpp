@@ -7,6 +7,7 @@
 
 #include "deposit.hpp"
 #include "grains.hpp"
+#include "placement.hpp"
 #include "sample.hpp"
 
 namespace estuary::grains {
@@ -59,6 +60,20 @@ std::string walls_of(const GrainsScene& scene) {
   return fmt::format("{}", fmt::join(parts, ", "));
 }
 
+// Places the grains, which says when they do not fit.
+template <int D>
+void check_beginning(const GrainsScene& scene, Plan& plan) {
+  const InitialGrains<D> grains = initial_grains<D>(scene);
+  const DynamicsSettings<D> settings = dynamics_settings<D>(scene, grains);
+  check_placement(settings, scene_walls<D>(scene), grains);
+  constexpr double kNoticeable = 0.02;
+  const DeepestOverlap deepest = deepest_overlap(settings, grains);
+  if (deepest.depth > kNoticeable && !scene.deposit.active)
+    plan.warnings.push_back(fmt::format(
+        "grains {} and {} begin with an overlap of {:.2g} radii of the smaller one: they are pushed apart",
+        deepest.first, deepest.second, deepest.depth));
+}
+
 }  // namespace
 
 Plan plan_of(const GrainsScene& scene) {
@@ -77,13 +92,6 @@ Plan plan_of(const GrainsScene& scene) {
       radii = group.radii;
     else
       radii = draw_radii(group.grading, count_grains(group, scene.dimension), group.seed, scene.dimension);
-    // Says now when grains do not fit.
-    if (group.kind == GroupScene::Kind::spread) {
-      if (scene.dimension == 2)
-        place_group<2>(group);
-      else
-        place_group<3>(group);
-    }
     count += radii.size();
     if (group.held) held += radii.size();
     for (const double r : radii) {
@@ -96,6 +104,10 @@ Plan plan_of(const GrainsScene& scene) {
       volume += v;
     }
   }
+  if (scene.dimension == 2)
+    check_beginning<2>(scene, plan);
+  else
+    check_beginning<3>(scene, plan);
   const StepLimit limit = step_limit_of(scene, lightest, smallest);
   const double steps = std::floor(scene.window / limit.step) + 1;
   const auto n = static_cast<double>(count);

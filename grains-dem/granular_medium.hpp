@@ -16,7 +16,8 @@ using WatchedValues = std::vector<std::pair<std::string, double>>;
 template <int D>
 class GranularMedium final : public Medium {
 public:
-  GranularMedium(const GrainsScene& scene, const v1::WetSurface* surface, std::span<const double> positions);
+  GranularMedium(const GrainsScene& scene, const v1::WetSurface* surface, std::span<const double> positions,
+                 const DepositMonitor& monitor);
 
   [[nodiscard]] std::size_t size() const override { return mass_.size(); }
   [[nodiscard]] std::size_t bodies() const override { return size() + cement_.bodies(); }
@@ -58,7 +59,6 @@ private:
   // Velocities and spins times `factor`, in the scene's order.
   void gather_velocities(double factor, std::vector<double>& velocity, std::vector<double>& spin) const;
 
-  void check_room(const DynamicsSettings<D>& settings, const InitialGrains<D>& grains) const;
   [[nodiscard]] std::size_t place_of(std::size_t grain) const;
   [[nodiscard]] WatchedValues watch_grain(std::size_t grain) const;
   [[nodiscard]] WatchedValues watch_region(const WatchScene& watch) const;

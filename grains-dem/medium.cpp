@@ -7,6 +7,7 @@
 
 #include "deposit.hpp"
 #include "granular_medium.hpp"
+#include "placement.hpp"
 
 namespace estuary::grains {
 namespace {
@@ -24,7 +25,7 @@ std::array<double, N> evaluated(const std::vector<std::vector<Expression>>& moti
 
 template <int D>
 GranularMedium<D>::GranularMedium(const GrainsScene& scene, const v1::WetSurface* surface,
-                                  std::span<const double> positions)
+                                  std::span<const double> positions, const DepositMonitor& monitor)
     : scene_(scene) {
   InitialGrains<D> grains = initial_grains<D>(scene);
   DynamicsSettings<D> settings = dynamics_settings<D>(scene, grains);
@@ -42,8 +43,8 @@ GranularMedium<D>::GranularMedium(const GrainsScene& scene, const v1::WetSurface
   } else if (surface) {
     throw std::invalid_argument("grains next to a solid's wet surface are for two dimensions");
   }
-  if (scene.deposit.active) deposit(scene, settings, walls, grains);
-  check_room(settings, grains);
+  if (scene.deposit.active) deposit(scene, settings, walls, grains, monitor);
+  check_placement(settings, walls, grains);
   mass_ = grains.mass;
   add_virtual_mass(grains);
   for (const WallScene& wall : scene.walls) {
@@ -251,40 +252,12 @@ void GranularMedium<D>::gather_velocities(double factor, std::vector<double>& ve
   }
 }
 
-// Two grains in the same place have no direction to push each other.
-template <int D>
-void GranularMedium<D>::check_room(const DynamicsSettings<D>& settings,
-                                   const InitialGrains<D>& grains) const {
-  for (std::size_t c = 0; c < D; ++c) {
-    if (!settings.domain.periodic[c]) continue;
-    const double largest = *std::max_element(grains.radius.begin(), grains.radius.end());
-    if (settings.domain.length(c) < 4 * largest + 2 * settings.skin)
-      throw std::invalid_argument(
-          fmt::format("the periodic direction {} is shorter than two grain diameters: a "
-                      "grain would touch another one twice",
-                      kAxisName[c]));
-  }
-  State<D> probe;
-  probe.position = grains.position;
-  probe.radius = grains.radius;
-  std::vector<std::size_t> order(grains.size());
-  for (std::size_t i = 0; i < order.size(); ++i) order[i] = i;
-  const auto before = [&](std::size_t a, std::size_t b) {
-    return std::lexicographical_compare(&grains.position[D * a], &grains.position[D * a] + D,
-                                        &grains.position[D * b], &grains.position[D * b] + D);
-  };
-  std::sort(order.begin(), order.end(), before);
-  for (std::size_t k = 1; k < order.size(); ++k)
-    if (!before(order[k - 1], order[k]))
-      throw std::invalid_argument(fmt::format("grains {} and {} have the same centre",
-                                              std::min(order[k - 1], order[k]),
-                                              std::max(order[k - 1], order[k])));
-}
-
 std::unique_ptr<Medium> make_medium(const GrainsScene& scene, const v1::WetSurface* surface,
-                                    std::span<const double> surface_positions) {
-  if (scene.dimension == 2) return std::make_unique<GranularMedium<2>>(scene, surface, surface_positions);
-  return std::make_unique<GranularMedium<3>>(scene, surface, surface_positions);
+                                    std::span<const double> surface_positions,
+                                    const DepositMonitor& monitor) {
+  if (scene.dimension == 2)
+    return std::make_unique<GranularMedium<2>>(scene, surface, surface_positions, monitor);
+  return std::make_unique<GranularMedium<3>>(scene, surface, surface_positions, monitor);
 }
 
 }  // namespace estuary::grains

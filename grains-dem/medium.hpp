@@ -3,6 +3,7 @@
 #pragma once
 
 #include <filesystem>
+#include <functional>
 #include <memory>
 
 #include "field_file.hpp"
@@ -59,10 +60,15 @@ public:
   [[nodiscard]] virtual double pairs_per_grain() const = 0;
 };
 
+/// Called now and then while grains are deposited, with the share of the longest time that this may take; may
+/// throw to stop.
+using DepositMonitor = std::function<void(double part)>;
+
 /// Places (and deposits) the grains. `surface` adds the wet surface of a solid as a wall. Throws
 /// std::invalid_argument.
 std::unique_ptr<Medium> make_medium(const GrainsScene& scene, const v1::WetSurface* surface,
-                                    std::span<const double> surface_positions);
+                                    std::span<const double> surface_positions,
+                                    const DepositMonitor& monitor = {});
 
 /// Step limit from the smallest mass and radius alone, before anything is placed.
 StepLimit step_limit_of(const GrainsScene& scene, double smallest_mass, double smallest_radius);

@@ -137,6 +137,10 @@ public:
   Participant& operator=(Participant&&) = delete;
   virtual ~Participant() = default;
 
+  /// Before anything else: where a `start` that takes long says that it goes on. `board` outlives the
+  /// participant's work.
+  virtual void report_to(ProgressBoard& board) { (void)board; }
+
   [[nodiscard]] virtual Identity identity() const = 0;
 
   /// Reads `scene`'s table `role` and the tables it shares (title, dimension, coupling mode, its watches),

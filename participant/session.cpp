@@ -61,7 +61,9 @@ v1::Configured configure(Participant& participant, const v1::Configure& request)
 }
 
 Session::Session(Participant& participant, std::filesystem::path folder, ProgressBoard& board)
-    : participant_(participant), folder_(std::move(folder)), board_(board) {}
+    : participant_(participant), folder_(std::move(folder)), board_(board) {
+  participant_.report_to(board_);
+}
 
 v1::Reply Session::answer(const v1::Request& request) {
   v1::Reply reply;

@@ -104,6 +104,14 @@ TEST(Configure, PlansAGoodScene) {
   EXPECT_FALSE(run.brought.has_grain_states());
 }
 
+TEST(Configure, WarnsOfGrainsThatBeginInEachOther) {
+  const Running run(
+      replaced(kHeap, "[[grains.group]]",
+               "[[grains.group]]\npositions = [[0.1,0.8],[0.115,0.8]]\nradius = 0.01\n[[grains.group]]"));
+  ASSERT_EQ(run.plan.warnings.size(), 1u);
+  EXPECT_THAT(run.plan.warnings.front(), HasSubstr("grains 0 and 1 begin with an overlap of 0.5 radii"));
+}
+
 struct Refusal {
   const char *what, *with, *message;
 };
@@ -132,7 +140,23 @@ INSTANTIATE_TEST_SUITE_P(
         Refusal{"[[watch]]", "[[grains.wall]]\nname = \"bottom\"\npoint = [0,0]\nnormal = [0,1]\n[[watch]]",
                 "second wall"},
         Refusal{"[[watch]]", "[[grains.wall]]\nname = \"w\"\npoint = [0,0]\nnormal = [0,0]\n[[watch]]",
-                "zero"}));
+                "zero"},
+        Refusal{"[[watch]]", "[[grains.wall]]\nname = \"w\"\n[[watch]]", "a wall is a plane"},
+        Refusal{"[[watch]]", "[[grains.wall]]\nname = \"w\"\nmesh = \"no.stl\"\n[[watch]]", "in the plane"},
+        Refusal{"[[watch]]",
+                "[[grains.wall]]\nname = \"w\"\npolyline = [[0,0],[1,0]]\nspin = [\"t\"]\n[[watch]]",
+                "pivot"},
+        Refusal{"[[watch]]",
+                "[[grains.wall]]\nname = \"w\"\npoint = [0,0]\nnormal = [0,1]\nspin = [1]\npivot = "
+                "[0,0]\n[[watch]]",
+                "does not turn"},
+        Refusal{"[[grains.group]]",
+                "[[grains.group]]\npositions = [[0.1,-0.3]]\nradius = 0.01\n[[grains.group]]",
+                "behind the wall 'bottom'"},
+        Refusal{"[[grains.group]]",
+                "[[grains.group]]\npositions = [[0.1,0.8],[0.1,0.8]]\nradius = 0.01\n[[grains.group]]",
+                "same centre"},
+        Refusal{"to = [0.2, 1]", "to = [0.03, 1]", "the periodic direction x"}));
 TEST_P(Refuses, WithAReason) {
   const auto messages = problems_of(replaced(kHeap, GetParam().what, GetParam().with));
   EXPECT_THAT(messages, testing::Contains(HasSubstr(GetParam().message)));
