@@ -75,7 +75,9 @@ DeepestOverlap deepest_overlap(const DynamicsSettings<D>& settings, const Initia
     state.identity.push_back(static_cast<std::uint32_t>(i));
   }
   std::vector<std::uint32_t> origin;
-  rebuild_list(settings.domain, ListSettings{}, state, origin);
+  ListSettings list;
+  list.skin = settings.skin;  // cells of a size class without grains need a size too
+  rebuild_list(settings.domain, list, state, origin);
   DeepestOverlap deepest;
   for (std::size_t i = 0; i < state.size(); ++i)
     for (std::size_t k = state.row_start[i]; k < state.row_start[i + 1]; ++k) {
