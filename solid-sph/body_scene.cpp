@@ -331,6 +331,8 @@ void read_bodies(SceneTable& solid, SolidScene& result) {
     const Kind kind = read_kind(solid);
     if (kind == Kind::rigid)
       read_rigid(solid, result, 0, body);
+    else if (kind == Kind::fluid)
+      read_fluid(solid, 0, body);
     else
       body.material = read_material(solid, nullptr);
     if (kind == Kind::shell)
@@ -362,6 +364,8 @@ void read_bodies(SceneTable& solid, SolidScene& result) {
       const Kind kind = read_kind(table);
       if (kind == Kind::rigid) {
         read_rigid(table, result, shared.density, body);
+      } else if (kind == Kind::fluid) {
+        read_fluid(table, shared.density, body);
       } else {
         if (!has_ratio && !table.has("poisson_ratio")) table.problem("", "poisson_ratio is missing");
         body.material = read_material(table, &shared);

@@ -175,6 +175,21 @@ public:
     state.external_work += gravity_work(state, loading) - gravity_work_before;
   }
 
+  double forces_in_motion(std::span<const double> displacement, const std::vector<double>& velocity,
+                          double time_step, std::uint64_t step) override {
+    if (time_step > 0) {
+      set_time_step(time_step);
+      sweep<true>(displacement, velocity, step);
+      set_time_step(kNoTime);
+    } else {
+      sweep<false>(displacement, velocity, step);
+    }
+    double taken = hourglass_ ? hourglass_->add_to(velocity, fields_) : 0.0;
+    if constexpr (Viscous)
+      taken += ordered_sum(body_.size(), [&](std::size_t i) { return fields_.viscous_power[i]; });
+    return taken;
+  }
+
   EquilibriumReport relax(std::vector<double>& displacement, const Loading& loading, double time,
                           const EquilibriumSettings& settings, const Monitor& monitor) override;
 

@@ -103,6 +103,7 @@ struct State {
   double viscous_work = 0;           // taken by artificial viscosity and mass damping [J/m]
   std::vector<double> history;       // of laws that have one, see Law::history
   double contact_time = 0;           // in which bodies touched [s]
+  double contact_work = 0;           // lost in impacts and by friction [J/m]
   std::vector<double> rigid;  // x, y, rotation and their rates of each rigid body [m], [rad], [m/s], [rad/s]
 };
 

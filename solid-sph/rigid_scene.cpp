@@ -34,7 +34,7 @@ void read_drive(SceneTable& table, std::string_view key, std::size_t freedom, Ri
 }  // namespace
 
 Kind read_kind(SceneTable& table) {
-  constexpr std::array<std::string_view, 3> kinds{"deformable", "rigid", "shell"};
+  constexpr std::array<std::string_view, 4> kinds{"deformable", "rigid", "shell", "fluid"};
   const std::string kind = table.choice("kind", kinds);
   if (kind != "rigid")
     for (const std::string_view key : kRigidKeys)

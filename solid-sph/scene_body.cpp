@@ -36,7 +36,7 @@ Body from_points(const BodyScene& scene, double spacing, double smoothing_ratio)
   for (std::size_t k = 0; k + 2 < scene.points.size(); k += 3) {
     body.position.insert(body.position.end(), {scene.points[k], scene.points[k + 1]});
     body.volume.push_back(scene.points[k + 2]);
-    body.mass.push_back(scene.material.density * scene.points[k + 2]);
+    body.mass.push_back((scene.fluid ? scene.fluid->density : scene.material.density) * scene.points[k + 2]);
   }
   body.energy_volume = body.volume;
   body.fixed.assign(body.size(), 0);
@@ -72,9 +72,10 @@ Body single(const SolidScene& scene, const BodyScene& body) {
       throw std::invalid_argument("body \"" + body.name + "\": " + error.what());
     }
   }
+  const double density = body.fluid ? body.fluid->density : body.material.density;
   switch (body.shape) {
     case Shape::box:
-      return fill(body.box, body.material.density, scene.smoothing_ratio,
+      return fill(body.box, density, scene.smoothing_ratio,
                   scene.order == Order::quadratic && scene.placement == Placement::cell_centres);
     case Shape::points:
       return from_points(body, scene.spacing, scene.smoothing_ratio);
@@ -86,9 +87,9 @@ Body single(const SolidScene& scene, const BodyScene& body) {
   try {
     if (body.shell)
       return fill_row(body.loops.front(), body.shell->closed, scene.spacing, shell_section(scene, body));
-    return fill_outline(body.outline(scene.spacing), {.spacing = scene.spacing,
-                                                      .density = body.material.density,
-                                                      .smoothing_ratio = scene.smoothing_ratio});
+    return fill_outline(
+        body.outline(scene.spacing),
+        {.spacing = scene.spacing, .density = density, .smoothing_ratio = scene.smoothing_ratio});
   } catch (const std::invalid_argument& error) {
     throw std::invalid_argument("body \"" + body.name + "\": " + error.what());
   }
@@ -199,7 +200,15 @@ void share_lengths(const Body& body, const std::vector<std::array<std::uint32_t,
 }  // namespace
 
 Body build_body(const SolidScene& scene) {
-  Body body = single(scene, scene.bodies.front());
+  // A fluid has no contour of its own once it moves.
+  const auto filled = [&](const BodyScene& described) {
+    Body body = single(scene, described);
+    if (!described.fluid) return body;
+    body.outlines.clear();
+    body.outline_member.clear();
+    return body;
+  };
+  Body body = filled(scene.bodies.front());
   if (scene.bodies.size() > 1) {
     // From here on one list of particles; sides, spacings and columns of the first box mean nothing for the
     // others.
@@ -208,7 +217,7 @@ Body build_body(const SolidScene& scene) {
     body.columns = {};
     body.spacing = {spacing, spacing};
     body.smoothing_length = scene.smoothing_ratio * spacing;
-    for (std::size_t k = 1; k < scene.bodies.size(); ++k) append(body, single(scene, scene.bodies[k]));
+    for (std::size_t k = 1; k < scene.bodies.size(); ++k) append(body, filled(scene.bodies[k]));
   }
   if (scene.stress_points > 0) {
     std::vector<const Box*> boxes;
@@ -269,7 +278,7 @@ Loading build_loading(const SolidScene& scene, const Body& body,
     expressions.push_back(std::make_unique<Expression>(text.empty() ? "0" : text));
     return expressions.back().get();
   };
-  if (scene.contact) {
+  if (scene.contact && !scene.impact()) {
     for (std::size_t k = 0; k < scene.bodies.size(); ++k)
       loading.contact.modulus.push_back(
           scene.bodies[k].rigid ? 0.0 : scene.contact_stiffness * scene.constants(k).wave_modulus());

@@ -16,6 +16,10 @@ ShellSection shell_section(const SolidScene& scene, const BodyScene& body);
 /// the body or condition that cannot be met (an outline finer than the spacing, a hold without particles).
 Body build_body(const SolidScene& scene);
 
+/// Of scenes whose bodies meet by impulses.
+std::unique_ptr<Solver> make_impact_solver(const SolidScene& scene, const Body& body,
+                                           const SolverOptions& options);
+
 /// Initial velocities of the scene's bodies.
 void set_velocities(const SolidScene& scene, const Body& body, State& state);
 

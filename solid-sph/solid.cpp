@@ -63,7 +63,9 @@ void Solid::build() {
     std::vector<ShellSection> sections;
     for (const BodyScene& body : scene_.bodies) sections.push_back(shell_section(scene_, body));
     solver_ = std::make_unique<ShellSolver>(body_, std::move(sections));
-  } else if (scene_.updated_lagrangian)
+  } else if (scene_.impact())
+    solver_ = make_impact_solver(scene_, body_, options);
+  else if (scene_.updated_lagrangian)
     solver_ = std::make_unique<UpdatedLagrangianSolver>(body_, options);
   else
     solver_ = make_solver(scene_.law, body_, options);
@@ -87,7 +89,7 @@ void Solid::build_surface() {
   expressions_.clear();
   loading_ = build_loading(scene_, body_, expressions_);
   contact_.reset();
-  if (scene_.contact) contact_.emplace(body_, loading_.contact);
+  if (scene_.contact && !scene_.impact()) contact_.emplace(body_, loading_.contact);
   wet_nodes_.clear();
   surface_.Clear();
   std::vector<ContourLine> lines;
@@ -206,6 +208,15 @@ void Solid::take_forces(const Window& window, const v1::Exchange& inputs) {
 }
 
 std::uint64_t Solid::steps_for(double duration) {
+  if (scene_.impact()) {
+    solver_->evaluate(state_.displacement);
+    const double step = std::min(solver_->longest_step(state_, scene_.courant), rigid_step(body_, state_));
+    const double steps = std::ceil(duration / step);
+    if (!(steps < 1e15))
+      throw Diverged("displacement", "the stable time step vanished",
+                     "look at the last frames: something has become infinitely fast or stiff");
+    return std::max<std::uint64_t>(1, static_cast<std::uint64_t>(steps));
+  }
   const double stable = solver_->reference_stable_step();
   solver_->evaluate(state_.displacement);
   const double stiffening = std::sqrt(std::max(1.0, solver_->stiffening()));
@@ -227,7 +238,8 @@ std::uint64_t Solid::steps_for(double duration) {
 
 // In stretches short enough that the stable step is looked at again as the state stiffens.
 void Solid::integrate(const Window& window, const Monitor& monitor) {
-  constexpr double kStretch = 200;
+  // Fluids stiffen within a few steps where they are hit.
+  const double stretch_steps = scene_.impact() ? 25 : 200;
   state_ = accepted_;
   state_.time = window.time;
   const Loading whole = loading_;
@@ -235,7 +247,7 @@ void Solid::integrate(const Window& window, const Monitor& monitor) {
   while (done < window.duration * (1 - 1e-12)) {
     solver_->set_history(state_.history);
     const std::uint64_t all = steps_for(window.duration - done);
-    const double stretches = std::max(1.0, std::round(static_cast<double>(all) / kStretch));
+    const double stretches = std::max(1.0, std::round(static_cast<double>(all) / stretch_steps));
     const double duration = (window.duration - done) / stretches;
     const std::uint64_t steps =
         (all + static_cast<std::uint64_t>(stretches) - 1) / static_cast<std::uint64_t>(stretches);
@@ -412,6 +424,10 @@ AdvanceResult Solid::advance(const Window& window, const v1::Exchange& inputs, P
   transfer_seconds_ += seconds_since(begin);
   work_.phase_seconds = {{window.mode == Mode::transient ? "time steps" : "equilibrium", step_seconds_},
                          {"transfer", transfer_seconds_}};
+  for (const auto& [phase, seconds] : solver_->phase_seconds()) {
+    work_.phase_seconds.insert(work_.phase_seconds.end() - 1, {phase, seconds});
+    work_.phase_seconds.front().second -= seconds;
+  }
   result.work = work_;
   return result;
 }
@@ -519,6 +535,8 @@ std::vector<std::pair<std::string, double>> Solid::body_quantities(std::size_t m
     result.emplace_back("contact_force_x", contact_->body_force()[2 * member]);
     result.emplace_back("contact_force_y", contact_->body_force()[2 * member + 1]);
   }
+  const NamedValues more = solver_->quantities_of_body(member, state_);
+  result.insert(result.end(), more.begin(), more.end());
   return result;
 }
 
@@ -604,7 +622,8 @@ std::vector<WatchValues> Solid::watch_values(double time) {
         entry.quantities.emplace_back("external_work", state_.external_work);
         entry.quantities.emplace_back("viscous_work", state_.viscous_work);
         entry.quantities.emplace_back("total_energy", kinetic + internal + plastic + fracture +
-                                                          state_.viscous_work - state_.external_work);
+                                                          state_.viscous_work + state_.contact_work -
+                                                          state_.external_work);
       }
       if (scene_.breaks()) entry.quantities.emplace_back("fracture_work", fracture);
       const NamedValues more = solver_->totals(state_);

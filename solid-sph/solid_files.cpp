@@ -13,8 +13,9 @@ std::array<double, 6> Solid::particle_stress(std::size_t i) const {
   const double zz = solver_->stress_across(i), xy = 0.5 * (sigma.xy + sigma.yx);
   const double a = sigma.xx - sigma.yy, b = sigma.yy - zz, c = zz - sigma.xx;
   const auto& history = solver_->history();
-  const double plastic =
-      !scene_.plastic() || scene_.shells() ? 0.0 : history[J2Plasticity::history_size * i + 4];
+  const double plastic = !scene_.plastic() || scene_.shells() || scene_.impact()
+                             ? 0.0
+                             : history[J2Plasticity::history_size * i + 4];
   return {sigma.xx, sigma.yy, xy, zz, std::sqrt(0.5 * (a * a + b * b + c * c) + 3 * xy * xy), plastic};
 }
 
@@ -35,7 +36,7 @@ void Solid::write_particles(const std::filesystem::path& file) const {
   for (auto& values : stress) values.resize(n);
   for (auto& values : gradient) values.resize(n);
   const auto& history = solver_->history();
-  std::vector<double> damage(scene_.plastic() && !scene_.shells() ? n : 0);
+  std::vector<double> damage(scene_.plastic() && !scene_.shells() && !scene_.impact() ? n : 0);
   for (std::size_t i = 0; i < n; ++i) {
     for (std::size_t c = 0; c < 2; ++c)
       position[2 * i + c] = body_.position[2 * i + c] + state_.displacement[2 * i + c];
@@ -63,9 +64,8 @@ void Solid::write_particles(const std::filesystem::path& file) const {
     views.push_back({"plastic_strain", 1, stress[5]});
     views.push_back({"damage", 1, damage});
   }
-  std::vector<std::vector<double>> more;
   const NamedValues names = n > 0 ? solver_->quantities_of(0, state_) : NamedValues{};
-  more.assign(names.size(), std::vector<double>(n));
+  std::vector<std::vector<double>> more(names.size(), std::vector<double>(n));
   for (std::size_t i = 0; !names.empty() && i < n; ++i) {
     const NamedValues one = solver_->quantities_of(i, state_);
     for (std::size_t k = 0; k < one.size(); ++k) more[k][i] = one[k].second;
@@ -109,8 +109,8 @@ void Solid::save(const std::filesystem::path& file) {
   writer.add("displacement", accepted_.displacement);
   writer.add("velocity", accepted_.velocity);
   if (!accepted_.history.empty()) writer.add("history", accepted_.history);
-  const std::array<double, 5> numbers{accepted_.time, accepted_.external_work, accepted_.viscous_work,
-                                      work_.updates, accepted_.contact_time};
+  const std::array<double, 6> numbers{accepted_.time, accepted_.external_work, accepted_.viscous_work,
+                                      work_.updates,  accepted_.contact_time,  accepted_.contact_work};
   writer.add("numbers", numbers);
   if (!accepted_.rigid.empty()) writer.add("rigid", accepted_.rigid);
   if (!wet_nodes_.empty()) writer.add("forces", accepted_forces_);
@@ -134,7 +134,7 @@ void Solid::load(const std::filesystem::path& file) {
   loaded.history = accepted_.history;
   if (!loaded.history.empty()) reader.read("history", loaded.history);
   if (!loaded.rigid.empty()) reader.read("rigid", loaded.rigid);
-  std::array<double, 5> numbers{};
+  std::array<double, 6> numbers{};
   reader.read("numbers", numbers);
   loaded.time = numbers[0];
   loaded.external_work = numbers[1];
@@ -157,6 +157,7 @@ void Solid::load(const std::filesystem::path& file) {
   work_.steps = reader.read_count("steps");
   work_.updates = numbers[3];
   loaded.contact_time = numbers[4];
+  loaded.contact_work = numbers[5];
   accepted_ = loaded;
   state_ = std::move(loaded);
   earlier_forces_ = std::move(earlier_forces);

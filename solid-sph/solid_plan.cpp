@@ -46,6 +46,10 @@ Plan plan_of(const SolidScene& scene) {
     plan_shells(scene, plan);
     return plan;
   }
+  if (scene.impact()) {
+    plan_impact(scene, plan);
+    return plan;
+  }
   double particles = 0;
   double across = 1e300;
   for (const BodyScene& body : scene.bodies) {

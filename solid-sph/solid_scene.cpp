@@ -92,21 +92,7 @@ void read_method(SceneTable& solid, SolidScene& result) {
     solid.problem("hourglass_viscosity",
                   "is of law = \"j2_plasticity\"; elastic bodies have `stabilisation`");
   result.hourglass_viscosity = solid.number_or("hourglass_viscosity", 0.0, {.minimum = 0.0, .maximum = 10.0});
-  if (auto contact = solid.table_if("contact")) {
-    result.contact = true;
-    result.contact_stiffness = contact->number_or("stiffness", 1.0, {.minimum = 1e-3, .maximum = 1e3});
-    result.contact_modulus = contact->number_or("rigid_modulus", 0.0, Range::positive());
-    const auto rigid = std::count_if(result.bodies.begin(), result.bodies.end(),
-                                     [](const BodyScene& body) { return body.rigid.has_value(); });
-    if (result.bodies.size() < 2) contact->problem("", "needs several [[solid.body]]");
-    if (rigid > 1 && !(result.contact_modulus > 0))
-      contact->problem(
-          "", "rigid bodies meet each other with `rigid_modulus` [Pa]: pressure per depth in spacings");
-    if (result.mode == Mode::steady || result.updated_lagrangian)
-      contact->problem("", "is of transient runs in the total Lagrangian form");
-    for (const BodyScene& body : result.bodies)
-      if (body.shape == Shape::points) contact->problem("", "\"" + body.name + "\" has no contour to touch");
-  }
+  read_contact(solid, result);
   result.courant = solid.number_or("courant", 0.8, {.minimum = 1e-3, .maximum = 1.0});
   result.damping = solid.number_or("damping", 0.0, Range::not_negative());
   constexpr std::array<std::string_view, 2> methods{"newton", "relaxation"};
@@ -160,8 +146,8 @@ bool SolidScene::all_rigid() const {
 
 ElasticConstants SolidScene::constants(std::size_t body) const {
   const MaterialScene& material = bodies[body].material;
-  // Nothing of a rigid body is strained; any law will do.
-  if (bodies[body].rigid) return ElasticConstants::from(1.0, 0.0, plane);
+  // Nothing of a rigid body is strained, and a fluid has a law of its own; any will do.
+  if (bodies[body].rigid || bodies[body].fluid) return ElasticConstants::from(1.0, 0.0, plane);
   return ElasticConstants::from(material.young_modulus, material.poisson_ratio, plane);
 }
 
@@ -175,7 +161,13 @@ bool SolidScene::breaks() const {
                      [](const BodyScene& body) { return body.shell && body.shell->rupture.any(); });
 }
 
+bool SolidScene::fluids() const {
+  return std::any_of(bodies.begin(), bodies.end(),
+                     [](const BodyScene& body) { return body.fluid.has_value(); });
+}
+
 double SolidScene::wave_speed(std::size_t body) const {
+  if (bodies[body].fluid) return bodies[body].fluid->sound_speed;
   return std::sqrt(constants(body).wave_modulus() / bodies[body].material.density);
 }
 
@@ -236,6 +228,7 @@ SolidScene read_solid_scene(Scene& scene, const std::string& role) {
                                                [](const BodyScene& body) { return body.rigid.has_value(); }))
     solid.problem("formulation", "\"updated_lagrangian\" knows no rigid bodies");
   check_shells(solid, result);
+  check_impact(solid, result);
   read_watches(root, role, result);
   if (result.mode == Mode::steady)
     for (std::size_t k = 0; k < result.bodies.size(); ++k) {

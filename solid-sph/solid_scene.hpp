@@ -6,8 +6,10 @@
 #include <string>
 #include <vector>
 
+#include "fluid_material.hpp"
 #include "outline_filling.hpp"
 #include "participant.hpp"
+#include "pinball.hpp"
 #include "scene.hpp"
 #include "shell_section.hpp"
 #include "solver.hpp"
@@ -61,6 +63,7 @@ struct BodyScene {
   MaterialScene material;
   std::optional<RigidScene> rigid;
   std::optional<ShellScene> shell;
+  std::optional<FluidMaterial> fluid;
   std::array<std::string, 2> velocity;  // at the start, expressions of x and y; empty means 0
 
   /// Outline of what the scene asks for; empty for a point list.
@@ -127,6 +130,11 @@ struct SolidScene {
   double hourglass_viscosity = 0;     // relaxation time in transits of a spacing, where plastic
   double contact_stiffness = 1;       // pressure per depth in spacings, in wave moduli
   double contact_modulus = 0;         // the same between rigid bodies [Pa]
+  bool pinball = false;               // contact by impulses instead
+  ContactNormals normals = ContactNormals::contour;
+  double friction = 0;
+  double penetration_correction = 0;
+  bool variable_smoothing = true;  // of fluids
   double viscosity_linear = 0;
   double viscosity_quadratic = 0;
   double courant = 0.8;
@@ -153,6 +161,9 @@ struct SolidScene {
   [[nodiscard]] bool shells() const;
   /// Whether anything can break.
   [[nodiscard]] bool breaks() const;
+  [[nodiscard]] bool fluids() const;
+  /// Bodies of several kinds in one motion; see ImpactSolver.
+  [[nodiscard]] bool impact() const { return pinball || fluids(); }
   [[nodiscard]] ElasticConstants constants(std::size_t body) const;
   [[nodiscard]] double wave_speed(std::size_t body) const;
   [[nodiscard]] double fastest_wave() const;
@@ -166,11 +177,15 @@ SolidScene read_solid_scene(Scene& scene, const std::string& role);
 
 // Parts of it: body_scene.cpp, condition_scene.cpp.
 void read_bodies(SceneTable& solid, SolidScene& result);
-enum class Kind { deformable, rigid, shell };
+enum class Kind { deformable, rigid, shell, fluid };
 Kind read_kind(SceneTable& table);
 void read_shell(SceneTable& table, BodyScene& body);
 /// Notes what a scene with shells asks for that they do not have.
 void check_shells(SceneTable& solid, const SolidScene& scene);
+void read_fluid(SceneTable& table, double shared_density, BodyScene& body);
+/// `[solid.contact]` with what bodies that meet by impulses need or do not have.
+void read_contact(SceneTable& solid, SolidScene& scene);
+void check_impact(SceneTable& solid, const SolidScene& scene);
 /// `shared_density` is that of [solid], 0 when it has none.
 void read_rigid(SceneTable& table, const SolidScene& scene, double shared_density, BodyScene& body);
 void read_conditions(SceneTable& solid, SolidScene& result);
@@ -184,5 +199,7 @@ void check_expression(SceneTable& table, std::string_view key, const std::string
 Plan plan_of(const SolidScene& scene);
 /// The part of shells.
 void plan_shells(const SolidScene& scene, Plan& plan);
+/// The part of bodies that meet by impulses.
+void plan_impact(const SolidScene& scene, Plan& plan);
 
 }  // namespace estuary::solid

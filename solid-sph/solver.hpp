@@ -100,6 +100,16 @@ public:
   /// in time).
   virtual void advance(State& state, const Loading& loading, double duration, std::uint64_t steps,
                        double damping, const Monitor& monitor) = 0;
+  /// Forces of a displacement that a step of `time_step` has led to (0: of a state as it is), with artificial
+  /// viscosity at `velocity`; what has flowed stays. For methods that move the particles themselves. Returns
+  /// what the viscosity takes [W/m].
+  virtual double forces_in_motion(std::span<const double> displacement, const std::vector<double>& velocity,
+                                  double time_step, std::uint64_t step) {
+    static_cast<void>(velocity);
+    if (evaluate(displacement) > 0) report_breakdown(step);
+    if (time_step > 0) commit(displacement);
+    return 0;
+  }
   /// Dynamic relaxation to equilibrium under the loading's end values at `time`, from the displacement given.
   virtual EquilibriumReport relax(std::vector<double>& displacement, const Loading& loading, double time,
                                   const EquilibriumSettings& settings, const Monitor& monitor) = 0;
@@ -113,9 +123,14 @@ public:
   [[nodiscard]] virtual double kinetic_energy(const State& state) const;
   /// Angular momentum of particles that turn about themselves [kg m2/s per m].
   [[nodiscard]] virtual double spin(const State&) const { return 0; }
-  /// What else a method knows about the whole body, and about a particle.
+  /// What else a method knows about the whole, about a particle, and about one body.
   [[nodiscard]] virtual NamedValues totals(const State&) const { return {}; }
   [[nodiscard]] virtual NamedValues quantities_of(std::size_t, const State&) const { return {}; }
+  [[nodiscard]] virtual NamedValues quantities_of_body(std::size_t, const State&) const { return {}; }
+  /// Parts of its run time, when it measures them [s].
+  [[nodiscard]] virtual NamedValues phase_seconds() const { return {}; }
+  /// Longest step from a state that was just evaluated [s]; 0: the caller knows it from the material.
+  [[nodiscard]] virtual double longest_step(const State&, double) { return 0; }
   /// Sum of the moments that hold rotations of particles, of the last evaluation [N m/m].
   [[nodiscard]] virtual double held_moment() const { return 0; }
   /// Force of the loading's end values at `time` on every particle, gravity included [N/m].

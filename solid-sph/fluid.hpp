@@ -1,0 +1,87 @@
+// Weakly compressible fluid bodies as particles: smoothed particle hydrodynamics in the current
+// configuration.
+//
+// The velocity gradient at a particle is the least-squares fit over its neighbours,
+//     L_i = sum_j (v_j - v_i) (x) g_ij,  g_ij = F_ij H_i^-1 x_ij,  H_i = sum_j F_ij x_ij (x) x_ij,  F =
+//     -W'/r,
+// exact for linear fields up to free surfaces (Randles & Libersky 1996; Bonet & Lok 1999). The density of a
+// step follows from rho_new = rho det(I - dt L), exact for homogeneous motions. Forces are those that do the
+// work of the stress S = -p I + 2 mu D on this very gradient,
+//     f_i = sum_j F_ij (V_i S_i H_i^-1 + V_j S_j H_j^-1) x_ij,
+// so that momentum is conserved to round-off and energy to the order of the step; missing neighbours act as a
+// free surface. To this come Monaghan's artificial viscosity (Monaghan 1992) and, for a smooth pressure, the
+// density diffusion of delta-SPH with the gradient correction of Antuono et al. (2010).
+#pragma once
+
+#include <cstdint>
+#include <span>
+#include <vector>
+
+#include "fluid_material.hpp"
+#include "moving_neighbours.hpp"
+#include "particles.hpp"
+
+namespace estuary::solid {
+
+struct FluidSettings {
+  std::vector<FluidMaterial> materials;  // one for each member
+  double spacing = 0;                    // [m]
+  double smoothing_ratio = 0.95;         // h over the particles' diameter
+  bool variable_smoothing = true;        // h_ij = ratio (d_i + d_j) / 2 with d = sqrt(m / rho); else constant
+};
+
+class Fluid {
+public:
+  /// Particles in structures of arrays: mass [kg/m] and member of each.
+  Fluid(FluidSettings settings, std::vector<double> mass, std::vector<std::uint8_t> member);
+
+  [[nodiscard]] std::size_t size() const { return mass_.size(); }
+  /// Geometry, velocity gradient and density at positions reached by a step of `time_step` with `velocity`
+  /// (0: of the state as it is, the density stays). Returns how many particles are not finite or have no
+  /// volume.
+  std::int64_t measure(std::span<const double> position, std::span<const double> velocity, double time_step,
+                       std::vector<double>& density);
+  /// Forces [N/m] of the state last measured, 2 per particle; those of artificial and real viscosity alone.
+  void find_forces(std::span<const double> position, std::span<const double> velocity,
+                   std::span<const double> density);
+  [[nodiscard]] const std::vector<double>& force() const { return force_; }
+  [[nodiscard]] const std::vector<double>& viscous_force() const { return viscous_force_; }
+
+  [[nodiscard]] double energy(std::span<const double> density) const;  // [J/m]
+  /// Taken by the density diffusion in the steps since the last call [J/m].
+  [[nodiscard]] double diffusion_work();
+  [[nodiscard]] double pressure(std::size_t i, double density) const {
+    return settings_.materials[member_[i]].pressure(density);
+  }
+  /// Longest stable step of a state [s] for a Courant number of 1.
+  [[nodiscard]] double stable_step(std::span<const double> velocity, std::span<const double> density) const;
+  [[nodiscard]] const MovingNeighbours& neighbours() const { return neighbours_; }
+  [[nodiscard]] double mass(std::size_t i) const { return mass_[i]; }
+  /// Elastic, per mass [J/kg].
+  [[nodiscard]] double energy_of(std::size_t i, double density) const {
+    return settings_.materials[member_[i]].energy(density);
+  }
+
+private:
+  template <bool Variable>
+  std::int64_t measure_variant(const double* x, const double* v, double time_step, double* density);
+
+  FluidSettings settings_;
+  std::vector<double> mass_;
+  std::vector<std::uint8_t> member_;
+  MovingNeighbours neighbours_;
+  bool dissipative_ = false, diffusive_ = false, viscous_ = false;
+  double reference_ = 0;          // H of the undisturbed lattice times spacing^2
+  std::vector<double> weight_;    // F of every pair [1/m4]
+  std::vector<double> diameter_;  // [m]
+  std::vector<double> fresh_density_;
+  std::vector<double> stress_;            // V S H^-1, 4 per particle
+  std::vector<double> viscous_stress_;    // its viscous part; empty without viscosity
+  std::vector<double> density_gradient_;  // 2 per particle
+  std::vector<double> diffusion_rate_;    // of the density [kg/m3/s]
+  std::vector<double> lost_;              // by diffusion in the last step [J/m]
+  std::vector<double> force_, viscous_force_;
+  double diffusion_work_ = 0;
+};
+
+}  // namespace estuary::solid

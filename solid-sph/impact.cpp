@@ -1,0 +1,456 @@
+#include "impact.hpp"
+
+#include <algorithm>
+#include <chrono>
+#include <cmath>
+#include <limits>
+#include <stdexcept>
+
+#include "rigid_motion.hpp"
+
+namespace estuary::solid {
+namespace {
+
+// Shares of the bounds on the step that the methods themselves give.
+constexpr double kFluidShare = 0.9;
+constexpr double kSolidShare = 1.0;
+// Nothing moves by more of a spacing in a step: contact looks no further ahead.
+constexpr double kFarthest = 0.2;
+
+class Stopwatch {
+public:
+  [[nodiscard]] double seconds() const {
+    return std::chrono::duration<double>(std::chrono::steady_clock::now() - begin_).count();
+  }
+
+private:
+  std::chrono::steady_clock::time_point begin_ = std::chrono::steady_clock::now();
+};
+
+std::vector<std::uint32_t> particles_that(const Body& body, const std::function<bool(std::size_t)>& chosen) {
+  std::vector<std::uint32_t> result;
+  for (std::uint32_t i = 0; i < body.size(); ++i)
+    if (chosen(i)) result.push_back(i);
+  return result;
+}
+
+// The chosen particles as a body of their own, with the same numbers of members.
+std::unique_ptr<Body> part_of(const Body& body, const std::vector<std::uint32_t>& chosen,
+                              const std::vector<std::uint32_t>& local) {
+  auto part = std::make_unique<Body>();
+  part->spacing = body.spacing;
+  part->smoothing_length = body.smoothing_length;
+  for (const std::uint32_t i : chosen) {
+    part->position.insert(part->position.end(), {body.position[2 * i], body.position[2 * i + 1]});
+    part->volume.push_back(body.volume[i]);
+    part->energy_volume.push_back(body.energy_volume[i]);
+    part->mass.push_back(body.mass[i]);
+    part->fixed.push_back(body.fixed[i]);
+    part->edge.push_back(body.edge[i]);
+    part->member.push_back(body.member[i]);
+  }
+  for (std::size_t o = 0; o < body.outlines.size(); ++o) {
+    Outline outline = body.outlines[o];
+    if (outline.particle.empty() || !std::binary_search(chosen.begin(), chosen.end(), outline.particle[0]))
+      continue;
+    for (std::uint32_t& i : outline.particle) i = local[i];
+    part->outlines.push_back(std::move(outline));
+    part->outline_member.push_back(body.outline_member[o]);
+  }
+  return part;
+}
+
+std::vector<double> masses_of(const Body& body, const std::vector<std::uint32_t>& particles) {
+  std::vector<double> mass;
+  for (const std::uint32_t i : particles) mass.push_back(body.mass[i]);
+  return mass;
+}
+
+std::vector<std::uint8_t> members_of(const Body& body, const std::vector<std::uint32_t>& particles) {
+  std::vector<std::uint8_t> member;
+  for (const std::uint32_t i : particles) member.push_back(body.member[i]);
+  return member;
+}
+
+// Of every degree of freedom; 0 where it does not yield.
+std::vector<double> inverse_masses(const Body& body, const std::array<bool, 2>& held) {
+  std::vector<double> result(2 * body.size() + 3 * body.rigid.size(), 0.0);
+  for (std::size_t c = 0; c < 2 * body.size(); ++c)
+    if (!body.holds(c / 2, c % 2) && !held[c % 2] && body.mass[c / 2] > 0) result[c] = 1 / body.mass[c / 2];
+  for (std::size_t r = 0; r < body.rigid.size(); ++r)
+    for (std::size_t c = 0; c < 3; ++c)
+      if (!body.rigid[r].held[c] && !(c < 2 && held[c]))
+        result[2 * body.size() + 3 * r + c] = 1 / body.rigid[r].inertia_of(c);
+  return result;
+}
+
+void copy_out(const std::vector<std::uint32_t>& particles, std::span<const double> from,
+              std::vector<double>& to) {
+  to.resize(2 * particles.size());
+  for (std::size_t k = 0; k < particles.size(); ++k) {
+    to[2 * k] = from[2 * particles[k]];
+    to[2 * k + 1] = from[2 * particles[k] + 1];
+  }
+}
+
+}  // namespace
+
+ImpactSolver::ImpactSolver(const Body& body, ImpactOptions options)
+    : Solver(body, Neighbourhood{}),
+      friction_(options.friction),
+      fluid_particle_(
+          particles_that(body, [&](std::size_t i) { return options.is_fluid[body.member[i]] != 0; })),
+      solid_particle_(particles_that(
+          body, [&](std::size_t i) { return options.is_fluid[body.member[i]] == 0 && !body.carried(i); })),
+      local_(body.size(), kNone),
+      is_fluid_(body.size(), 0),
+      fluid_(std::move(options.fluid), masses_of(body, fluid_particle_), members_of(body, fluid_particle_)),
+      pinball_(body, std::move(options.contact)),
+      inverse_mass_(inverse_masses(body, options.held)),
+      impulses_(inverse_mass_),
+      held_(options.held) {
+  pairs_.first.assign(body.size() + 1, 0);
+  for (std::uint32_t k = 0; k < fluid_particle_.size(); ++k) {
+    local_[fluid_particle_[k]] = k;
+    is_fluid_[fluid_particle_[k]] = 1;
+    density_.push_back(body.mass[fluid_particle_[k]] / body.volume[fluid_particle_[k]]);
+  }
+  for (std::uint32_t k = 0; k < solid_particle_.size(); ++k) local_[solid_particle_[k]] = k;
+  if (!solid_particle_.empty()) {
+    solid_body_ = part_of(body, solid_particle_, local_);
+    solid_ = options.make_solid(*solid_body_);
+  }
+  const std::size_t members = body.member.empty() ? 0 : std::size_t{body.member.back()} + 1;
+  impulse_.assign(2 * members, 0.0);
+  contact_force_ = impulse_;
+  for (std::size_t i = 0; i < body.size(); ++i)
+    fields_.deformation_gradient[4 * i] = fields_.deformation_gradient[4 * i + 3] = 1;
+  position_.resize(2 * body.size());
+  velocity_.resize(inverse_mass_.size());
+  before_ = velocity_;
+  history_ = rest_history_ = gathered_history();
+}
+
+std::vector<double> ImpactSolver::gathered_history() const {
+  std::vector<double> history = solid_ ? solid_->history() : std::vector<double>{};
+  history.insert(history.end(), density_.begin(), density_.end());
+  return history;
+}
+
+void ImpactSolver::spread_history(const std::vector<double>& history) {
+  const auto middle = history.end() - static_cast<std::ptrdiff_t>(density_.size());
+  if (solid_) solid_->set_history({history.begin(), middle});
+  density_.assign(middle, history.end());
+}
+
+void ImpactSolver::place(std::span<const double> displacement) {
+  for (std::size_t c = 0; c < position_.size(); ++c) position_[c] = body_.position[c] + displacement[c];
+  copy_out(fluid_particle_, position_, fluid_position_);
+  if (solid_) copy_out(solid_particle_, displacement, solid_displacement_);
+}
+
+void ImpactSolver::copy_fields() {
+  std::fill(fields_.force.begin(), fields_.force.end(), 0.0);
+  for (std::size_t k = 0; k < fluid_particle_.size(); ++k)
+    for (std::size_t c = 0; c < 2; ++c) fields_.force[2 * fluid_particle_[k] + c] = fluid_.force()[2 * k + c];
+  if (!solid_) return;
+  for (std::size_t k = 0; k < solid_particle_.size(); ++k) {
+    const std::size_t i = solid_particle_[k];
+    for (std::size_t c = 0; c < 2; ++c) fields_.force[2 * i + c] = solid_->fields().force[2 * k + c];
+    for (std::size_t c = 0; c < 4; ++c)
+      fields_.deformation_gradient[4 * i + c] = solid_->fields().deformation_gradient[4 * k + c];
+  }
+}
+
+std::int64_t ImpactSolver::evaluate(std::span<const double> displacement) {
+  spread_history(history_);
+  place(displacement);
+  fluid_velocity_.assign(fluid_position_.size(), 0.0);
+  std::int64_t bad = fluid_.measure(fluid_position_, fluid_velocity_, 0, density_);
+  fluid_.find_forces(fluid_position_, fluid_velocity_, density_);
+  if (solid_) bad += solid_->evaluate(solid_displacement_);
+  copy_fields();
+  return bad;
+}
+
+double ImpactSolver::energy(std::span<const double> displacement) const {
+  double sum = fluid_.energy(density_);
+  if (solid_) {
+    std::vector<double> own;
+    copy_out(solid_particle_, displacement, own);
+    sum += solid_->energy(own);
+  }
+  return sum;
+}
+
+std::array<double, 16> ImpactSolver::tangent_at(std::size_t i) const {
+  if (is_fluid_[i] == 0 && local_[i] != kNone) return solid_->tangent_at(local_[i]);
+  return {1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1};
+}
+
+Tensor<double> ImpactSolver::first_piola_kirchhoff_at(std::size_t i) const {
+  if (is_fluid_[i] != 0) {
+    const double p = fluid_.pressure(local_[i], density_[local_[i]]);
+    return {-p, 0, 0, -p};
+  }
+  if (local_[i] == kNone) return {};
+  return solid_->first_piola_kirchhoff_at(local_[i]);
+}
+
+double ImpactSolver::stress_across(std::size_t i) const {
+  if (is_fluid_[i] != 0) return -fluid_.pressure(local_[i], density_[local_[i]]);
+  return local_[i] == kNone ? 0 : solid_->stress_across(local_[i]);
+}
+
+double ImpactSolver::stretch_across(std::size_t i) const {
+  return is_fluid_[i] != 0 || local_[i] == kNone ? 1 : solid_->stretch_across(local_[i]);
+}
+
+double ImpactSolver::longest_step(const State& state, double courant) {
+  double step = std::numeric_limits<double>::infinity();
+  copy_out(fluid_particle_, state.velocity, fluid_velocity_);
+  if (!fluid_particle_.empty()) step = courant * kFluidShare * fluid_.stable_step(fluid_velocity_, density_);
+  if (solid_) {
+    const double stable = solid_->reference_stable_step();
+    solid_->evaluate(solid_displacement_);
+    step = std::min(step, courant * kSolidShare * stable / std::sqrt(std::max(1.0, solid_->stiffening())));
+  }
+  double fastest = 0;
+  for (std::size_t i = 0; i < body_.size(); ++i)
+    fastest = std::max(fastest, std::hypot(state.velocity[2 * i], state.velocity[2 * i + 1]));
+  if (fastest > 0) step = std::min(step, kFarthest * body_.mean_spacing() / fastest);
+  return step;
+}
+
+void ImpactSolver::find_forces(State& state, double time_step, std::uint64_t step) {
+  place(state.displacement);
+  Stopwatch watch;
+  copy_out(fluid_particle_, state.velocity, fluid_velocity_);
+  if (fluid_.measure(fluid_position_, fluid_velocity_, time_step, density_) > 0) {
+    for (std::size_t k = 0; k < fluid_particle_.size(); ++k)
+      if (!std::isfinite(fluid_position_[2 * k] + fluid_position_[2 * k + 1] + density_[k]))
+        throw Breakdown(fluid_particle_[k], step, std::numeric_limits<double>::quiet_NaN());
+    throw Breakdown(fluid_particle_.front(), step, 0);
+  }
+  fluid_.find_forces(fluid_position_, fluid_velocity_, density_);
+  state.viscous_work += fluid_.diffusion_work();
+  fluid_seconds_ += watch.seconds();
+  if (solid_) {
+    watch = {};
+    copy_out(solid_particle_, state.velocity, solid_velocity_);
+    try {
+      solid_viscous_power_ = solid_->forces_in_motion(solid_displacement_, solid_velocity_, time_step, step);
+    } catch (const Breakdown& breakdown) {
+      throw Breakdown(solid_particle_[breakdown.particle], step, breakdown.j);
+    }
+    solid_seconds_ += watch.seconds();
+  }
+  copy_fields();
+}
+
+// Velocities of what follows a prescribed motion, of the coming step.
+void ImpactSolver::drive(State& state, const Loading& loading, double time, double time_step) {
+  for (const RigidDrive& one : loading.rigid_drives) {
+    double& rate = state.rigid[6 * one.rigid + 3 + one.freedom];
+    const double inertia = body_.rigid[one.rigid].inertia_of(one.freedom), before = rate;
+    rate = (one.displacement(time + time_step) - one.displacement(time)) / time_step;
+    state.external_work += 0.5 * inertia * (rate * rate - before * before);
+  }
+}
+
+void ImpactSolver::kick_rigid(State& state, const Loading& loading, double duration) {
+  for (std::size_t r = 0; r < body_.rigid.size(); ++r) {
+    const RigidBody& rigid = body_.rigid[r];
+    const std::span<double> values = std::span<double>(state.rigid).subspan(6 * r, 6);
+    auto force = resultant(rigid, body_, state.displacement, external_, values);
+    for (std::size_t c = 0; c < 3; ++c) {
+      const double rate = values[3 + c];
+      if (rigid.held[c]) continue;
+      if (c < 2) force[c] += rigid.mass * loading.gravity[c];
+      force[c] -= rigid.spring[c] * (values[c] - rigid.rest[c]);
+      // The damper acts at the mean of both rates.
+      const double inertia = rigid.inertia_of(c), half = 0.5 * duration * rigid.damper[c] / inertia;
+      values[3 + c] = ((1 - half) * rate + duration * force[c] / inertia) / (1 + half);
+      const double mean = 0.5 * (rate + values[3 + c]);
+      state.viscous_work += rigid.damper[c] * mean * mean * duration;
+    }
+  }
+}
+
+void ImpactSolver::kick(State& state, const Loading& loading, const ExternalForces& external, double duration,
+                        double time_step, double damping) {
+  const std::size_t n = body_.size();
+  external_.assign(2 * n, 0.0);
+  external.add_to(external_);
+  const double decay = 1 / (1 + duration * damping);
+  double* v = state.velocity.data();
+  collect_velocities(state, before_);
+  state.viscous_work += duration * solid_viscous_power_;
+  const double taken = ordered_sum(n, [&](std::size_t i) {
+    double lost = 0;
+    for (std::size_t c = 2 * i; c < 2 * i + 2; ++c) {
+      if (inverse_mass_[c] == 0) continue;
+      v[c] += duration * ((fields_.force[c] + external_[c]) * inverse_mass_[c] + loading.gravity[c % 2]);
+      if (damping > 0) {
+        lost += 0.5 * body_.mass[i] * v[c] * v[c] * (1 - decay * decay);
+        v[c] *= decay;
+      }
+    }
+    return lost;
+  });
+  state.viscous_work += taken;
+  kick_rigid(state, loading, duration);
+  const Stopwatch watch;
+  touch(state, time_step);
+  contact_seconds_ += watch.seconds();
+  // Work is done at the mean of the velocities before and after the kick, impulses included.
+  const std::vector<double>& viscous = fluid_.viscous_force();
+  state.viscous_work -= duration * ordered_sum(fluid_particle_.size(), [&](std::size_t k) {
+                          const std::size_t c = 2 * fluid_particle_[k];
+                          return 0.5 * (viscous[2 * k] * (before_[c] + v[c]) +
+                                        viscous[2 * k + 1] * (before_[c + 1] + v[c + 1]));
+                        });
+}
+
+void ImpactSolver::collect_velocities(const State& state, std::vector<double>& velocity) const {
+  std::copy(state.velocity.begin(), state.velocity.end(), velocity.begin());
+  for (std::size_t r = 0; r < body_.rigid.size(); ++r)
+    for (std::size_t c = 0; c < 3; ++c) velocity[2 * body_.size() + 3 * r + c] = state.rigid[6 * r + 3 + c];
+}
+
+// Impulses between the bodies.
+void ImpactSolver::touch(State& state, double time_step) {
+  const std::size_t n = body_.size();
+  touching_ = false;
+  pinball_.find(position_, state.rigid, time_step);
+  std::vector<ContactRow>& rows = pinball_.rows();
+  if (rows.empty()) return;
+  collect_velocities(state, velocity_);
+  impulses_.solve(rows, friction_, velocity_);
+  for (const ContactRow& row : rows) {
+    if (!(row.impulse > 0)) continue;
+    touching_ = true;
+    double twice = 0;
+    for (std::uint32_t k = 0; k < row.count; ++k) {
+      const std::uint32_t f = row.freedom[k];
+      const double push = row.impulse * row.normal[k] + row.friction * row.tangent[k];
+      twice += push * (before_[f] + velocity_[f]);
+      // A body that follows its prescribed motion does work against what pushes it.
+      if (inverse_mass_[f] == 0) state.external_work -= push * 0.5 * (before_[f] + velocity_[f]);
+    }
+    state.contact_work -= 0.5 * twice;
+    const double nx = row.direction[0], ny = row.direction[1];
+    const double jx = row.impulse * nx - row.friction * ny, jy = row.impulse * ny + row.friction * nx;
+    impulse_[2 * row.point_member] += jx;
+    impulse_[2 * row.point_member + 1] += jy;
+    impulse_[2 * row.surface_member] -= jx;
+    impulse_[2 * row.surface_member + 1] -= jy;
+  }
+  if (!touching_) return;
+  for (std::size_t c = 0; c < 2 * n; ++c)
+    if (inverse_mass_[c] != 0) state.velocity[c] = velocity_[c];
+  for (std::size_t r = 0; r < body_.rigid.size(); ++r)
+    for (std::size_t c = 0; c < 3; ++c) state.rigid[6 * r + 3 + c] = velocity_[2 * n + 3 * r + c];
+}
+
+void ImpactSolver::drift(State& state, const Loading& loading, double time, double time_step) {
+  const std::size_t n = body_.size();
+  for (std::size_t c = 0; c < 2 * n; ++c)
+    if (inverse_mass_[c] != 0) state.displacement[c] += time_step * state.velocity[c];
+  for (std::size_t r = 0; r < body_.rigid.size(); ++r) {
+    const std::span<double> values = std::span<double>(state.rigid).subspan(6 * r, 6);
+    for (std::size_t c = 0; c < 3; ++c)
+      if (!body_.rigid[r].held[c]) {
+        values[c] += time_step * values[3 + c];
+        if (c < 2)
+          state.external_work += body_.rigid[r].mass * loading.gravity[c] * time_step * values[3 + c];
+      }
+    for (const RigidDrive& one : loading.rigid_drives)
+      if (one.rigid == r) values[one.freedom] = one.displacement(time);
+    carry(body_.rigid[r], body_, values, state.displacement, state.velocity);
+  }
+}
+
+void ImpactSolver::advance(State& state, const Loading& loading, double duration, std::uint64_t steps,
+                           double damping, const Monitor& monitor) {
+  const double dt = duration / static_cast<double>(steps), start = state.time;
+  spread_history(state.history);
+  std::fill(impulse_.begin(), impulse_.end(), 0.0);
+  const auto gravity_work = [&] {
+    return ordered_sum(body_.size(), [&](std::size_t i) {
+      return body_.mass[i] * (loading.gravity[0] * state.displacement[2 * i] +
+                              loading.gravity[1] * state.displacement[2 * i + 1]);
+    });
+  };
+  state.external_work -= gravity_work();
+  ExternalForces external(body_, loading);
+  external.set(0.0, start, state.displacement);
+  find_forces(state, 0, 0);
+  drive(state, loading, start, dt);
+  kick(state, loading, external, 0.5 * dt, dt, damping);
+  for (std::uint64_t step = 1; step <= steps; ++step) {
+    const double fraction = static_cast<double>(step) / static_cast<double>(steps);
+    const double time = start + fraction * duration;
+    drift(state, loading, time, dt);
+    find_forces(state, dt, step);
+    external.set(fraction, time, state.displacement);
+    state.external_work += external.work();
+    drive(state, loading, time, dt);
+    kick(state, loading, external, step < steps ? dt : 0.5 * dt, dt, damping);
+    if (touching_) state.contact_time += dt;
+    if (step % 128 == 0) monitor(fraction, "step " + std::to_string(step) + " of " + std::to_string(steps));
+  }
+  for (std::size_t r = 0; r < body_.rigid.size(); ++r)
+    carry(body_.rigid[r], body_, std::span<const double>(state.rigid).subspan(6 * r, 6), state.displacement,
+          state.velocity);
+  for (std::size_t c = 0; c < impulse_.size(); ++c) contact_force_[c] = impulse_[c] / duration;
+  state.history = history_ = gathered_history();
+  state.time = start + duration;
+  state.external_work += gravity_work();
+}
+
+EquilibriumReport ImpactSolver::relax(std::vector<double>&, const Loading&, double,
+                                      const EquilibriumSettings&, const Monitor&) {
+  throw std::logic_error("bodies that meet by impulses have no equilibrium search");
+}
+
+NamedValues ImpactSolver::quantities_of(std::size_t i, const State&) const {
+  const double across = stress_across(i);
+  if (is_fluid_[i] != 0) return {{"pressure", -across}, {"density", density_[local_[i]]}};
+  if (local_[i] == kNone) return {{"pressure", 0.0}, {"density", 0.0}};
+  const Tensor<double> f = tensor_at(fields_.deformation_gradient, i), p = first_piola_kirchhoff_at(i);
+  const double j = determinant(f) * stretch_across(i);
+  const double trace = (p.xx * f.xx + p.xy * f.xy + p.yx * f.yx + p.yy * f.yy) / j + across;
+  return {{"pressure", -trace / 3}, {"density", body_.mass[i] / body_.volume[i] / j}};
+}
+
+NamedValues ImpactSolver::totals(const State& state) const {
+  return {{"contact_time", state.contact_time}, {"contact_work", state.contact_work}};
+}
+
+NamedValues ImpactSolver::quantities_of_body(std::size_t member, const State& state) const {
+  NamedValues result{{"contact_force_x", contact_force_[2 * member]},
+                     {"contact_force_y", contact_force_[2 * member + 1]}};
+  double low[2] = {1e300, 1e300}, high[2] = {-1e300, -1e300}, energy = 0;
+  bool fluid = false;
+  for (std::size_t i = 0; i < body_.size(); ++i) {
+    if (body_.member[i] != member) continue;
+    for (std::size_t c = 0; c < 2; ++c) {
+      const double x = body_.position[2 * i + c] + state.displacement[2 * i + c];
+      low[c] = std::min(low[c], x);
+      high[c] = std::max(high[c], x);
+    }
+    if (is_fluid_[i] == 0) continue;
+    fluid = true;
+    energy += fluid_.mass(local_[i]) * fluid_.energy_of(local_[i], density_[local_[i]]);
+  }
+  result.insert(result.end(), {{"left", low[0]}, {"right", high[0]}, {"bottom", low[1]}, {"top", high[1]}});
+  if (fluid) result.emplace_back("internal_energy", energy);
+  return result;
+}
+
+NamedValues ImpactSolver::phase_seconds() const {
+  return {{"fluid", fluid_seconds_}, {"solid", solid_seconds_}, {"contact", contact_seconds_}};
+}
+
+}  // namespace estuary::solid

@@ -1,0 +1,91 @@
+// Bodies of different kinds in one motion: fluids, solids and rigid bodies that meet by impulses.
+//
+// Central differences with velocities half-way between the steps, as contact by multipliers wants them
+// (Maurel 2008, ch. 3): positions are drifted by them, forces are found there, and the kick that follows ends
+// with velocities that keep the bodies apart. A window begins and ends with half a kick, so that between
+// windows positions and velocities belong to one time.
+#pragma once
+
+#include <memory>
+
+#include "fluid.hpp"
+#include "impulses.hpp"
+#include "pinball.hpp"
+#include "solver.hpp"
+
+namespace estuary::solid {
+
+struct ImpactOptions {
+  FluidSettings fluid;
+  std::vector<std::uint8_t> is_fluid;  // of each body
+  PinballSettings contact;
+  double friction = 0;
+  std::array<bool, 2> held{};  // components of the displacement that stay zero
+  /// Makes the solver of the solid bodies: all particles that are neither fluid nor rigid.
+  std::function<std::unique_ptr<Solver>(const Body&)> make_solid;
+};
+
+/// History: that of the solid particles, then the density of each fluid particle [kg/m3].
+class ImpactSolver final : public Solver {
+public:
+  ImpactSolver(const Body& body, ImpactOptions options);
+
+  std::int64_t evaluate(std::span<const double> displacement) override;
+  void commit(std::span<const double>) override {}
+  double energy(std::span<const double> displacement) const override;
+  double plastic_work() const override { return solid_ ? solid_->plastic_work() : 0; }
+  std::array<double, 16> tangent_at(std::size_t particle) const override;
+  Tensor<double> first_piola_kirchhoff_at(std::size_t particle) const override;
+  double stress_across(std::size_t particle) const override;
+  double stretch_across(std::size_t particle) const override;
+  bool symmetric_tangent() const override { return true; }
+  void advance(State& state, const Loading& loading, double duration, std::uint64_t steps, double damping,
+               const Monitor& monitor) override;
+  EquilibriumReport relax(std::vector<double>& displacement, const Loading& loading, double time,
+                          const EquilibriumSettings& settings, const Monitor& monitor) override;
+  double longest_step(const State& state, double courant) override;
+  NamedValues quantities_of(std::size_t particle, const State& state) const override;
+  NamedValues totals(const State& state) const override;
+  NamedValues quantities_of_body(std::size_t member, const State& state) const override;
+  NamedValues phase_seconds() const override;
+
+private:
+  static constexpr std::uint32_t kNone = 0xffffffffU;
+
+  void place(std::span<const double> displacement);
+  /// Forces of the state reached by a step of `time_step` (0: of the state as it is) at the velocities given.
+  void find_forces(State& state, double time_step, std::uint64_t step);
+  void copy_fields();
+  void kick(State& state, const Loading& loading, const ExternalForces& external, double duration,
+            double time_step, double damping);
+  void kick_rigid(State& state, const Loading& loading, double duration);
+  void touch(State& state, double time_step);
+  void collect_velocities(const State& state, std::vector<double>& velocity) const;
+  void drive(State& state, const Loading& loading, double time, double time_step);
+  void drift(State& state, const Loading& loading, double time, double time_step);
+  void spread_history(const std::vector<double>& history);
+  [[nodiscard]] std::vector<double> gathered_history() const;
+
+  double friction_;
+  std::vector<std::uint32_t> fluid_particle_, solid_particle_;  // of the whole body
+  std::vector<std::uint32_t> local_;                            // of every particle among its kind
+  std::vector<std::uint8_t> is_fluid_;                          // of every particle
+  Fluid fluid_;
+  Pinball pinball_;
+  std::vector<double> inverse_mass_;  // of every degree of freedom
+  ImpulseSolver impulses_;
+  std::array<bool, 2> held_{};
+  std::unique_ptr<Body> solid_body_;
+  std::unique_ptr<Solver> solid_;
+  std::vector<double> position_, velocity_, before_;  // before: at the kick's start
+  std::vector<double> fluid_position_, fluid_velocity_, density_;
+  std::vector<double> solid_displacement_, solid_velocity_;
+  std::vector<double> external_;       // loads on particles [N/m]
+  std::vector<double> impulse_;        // of contact on each body in this window, 2 each [N s/m]
+  std::vector<double> contact_force_;  // its mean over the window [N/m]
+  double solid_viscous_power_ = 0;     // [W/m]
+  bool touching_ = false;
+  double contact_seconds_ = 0, fluid_seconds_ = 0, solid_seconds_ = 0;
+};
+
+}  // namespace estuary::solid

@@ -1,0 +1,85 @@
+// Where particles of one body meet another (pinballs: Belytschko & Neal 1991; of SPH bodies: Maurel 2008, ch.
+// 3).
+//
+// Every pair of bodies has one whose particles carry balls, the more deformable, and one that brings the
+// surface and its normals. Normals are those of the surface's contour (at a corner the line of centres), or
+// with `centre_line` always the line between the centres of two balls, which is the thesis's default and
+// rough to slide on. Fluids never meet each other here: they are neighbours. Candidates (a particle, a piece
+// of a surface) are kept in a list with a margin, so that a step tests only those; a candidate makes a row
+// when the surfaces may touch within the step.
+#pragma once
+
+#include <array>
+#include <cstdint>
+#include <span>
+#include <vector>
+
+#include "impulses.hpp"
+#include "particles.hpp"
+
+namespace estuary::solid {
+
+enum class ContactNormals { contour, centre_line };
+
+/// Of one body.
+struct ContactMember {
+  double hardness = 0;        // of two bodies that meet the harder one brings the surface
+  double half_thickness = 0;  // its surface lies so far from its contour, on both sides of a shell [m]
+  bool two_sided = false;     // a shell
+  bool fluid = false;         // brings balls only, one at every particle
+  double radius = 0;          // of its balls [m]
+};
+
+struct PinballSettings {
+  std::vector<ContactMember> members;
+  ContactNormals normals = ContactNormals::contour;
+  double penetration_correction = 0;  // share of a penetration taken back in a step
+};
+
+class Pinball {
+public:
+  Pinball(const Body& body, PinballSettings settings);
+
+  /// Rows of a state that will move for `time_step`. `scale` of each particle's ball, 1 when undisturbed.
+  /// `rigid` are the state's values of rigid bodies.
+  const std::vector<ContactRow>& find(std::span<const double> position, std::span<const double> rigid,
+                                      double time_step);
+  [[nodiscard]] std::vector<ContactRow>& rows() { return rows_; }
+  /// Pairs now in the list of candidates.
+  [[nodiscard]] std::size_t candidates() const { return candidate_.size(); }
+
+private:
+  static constexpr std::uint32_t kNone = 0xffffffffU;
+  struct Segment {
+    std::uint32_t a, b;           // particles; the outside is on the left
+    std::uint32_t before, after;  // of the same contour; kNone at an end
+    std::uint8_t member;
+  };
+  struct Candidate {
+    std::uint32_t point, segment;
+  };
+
+  [[nodiscard]] bool stale(std::span<const double> position) const;
+  void find_candidates(std::span<const double> position);
+  void meet(std::uint32_t point, std::size_t begin, std::size_t end, std::span<const double> x);
+  void meet_balls(std::uint32_t point, std::size_t begin, std::size_t end, std::span<const double> x);
+  void add_row(std::uint32_t point, const Segment& segment, double share, double nx, double ny, double gap,
+               std::span<const double> x);
+  void attach(ContactRow& row, std::uint32_t particle, double weight, double nx, double ny,
+              std::span<const double> x) const;
+
+  const Body& body_;
+  PinballSettings settings_;
+  double spacing_;
+  std::vector<Segment> segments_;
+  std::vector<std::uint32_t> points_;    // particles that carry balls
+  std::vector<std::uint32_t> rigid_of_;  // of every particle; kNone when it is free
+  std::vector<Candidate> candidate_;     // in the order of points_
+  std::vector<double> built_at_;
+  std::vector<ContactRow> rows_;
+  std::span<const double> rigid_;
+  double time_step_ = 0;
+  std::vector<std::uint32_t> cell_first_, cell_segment_;
+};
+
+}  // namespace estuary::solid

@@ -1,0 +1,163 @@
+// The fluid's operators: exact for homogeneous motions, forces that do the work of the pressure.
+#include <gtest/gtest.h>
+
+#include <cmath>
+
+#include "bodies.hpp"
+#include "fluid.hpp"
+
+namespace estuary::solid {
+namespace {
+
+FluidMaterial water() {
+  FluidMaterial material;
+  material.density = 1000;
+  material.sound_speed = 1450;
+  return material;
+}
+
+// A disturbed lattice with particles of several sizes.
+struct Cloud {
+  std::vector<double> position, velocity, mass, density;
+  std::vector<std::uint8_t> member;
+  explicit Cloud(double disturbance, double spacing = 0.1) {
+    const auto noise = test::random_field(2 * 12 * 9, disturbance * spacing, 5);
+    for (std::size_t a = 0; a < 12; ++a)
+      for (std::size_t b = 0; b < 9; ++b) {
+        const std::size_t k = 9 * a + b;
+        position.insert(position.end(), {spacing * static_cast<double>(a) + noise[2 * k],
+                                         spacing * static_cast<double>(b) + noise[2 * k + 1]});
+        mass.push_back(10 * (a == 0 || b == 0 ? 0.5 : 1.0));
+        density.push_back(1000 + 20 * std::sin(static_cast<double>(k)));
+      }
+    velocity = test::random_field(position.size(), 1, 6);
+    member.assign(mass.size(), 0);
+  }
+  [[nodiscard]] Fluid fluid(const FluidMaterial& material, double ratio = 0.95) const {
+    return {FluidSettings{.materials = {material}, .spacing = 0.1, .smoothing_ratio = ratio}, mass, member};
+  }
+};
+
+TEST(Fluid, PressureIsTheEnergysDerivativeAlsoBeyondTheTensionLimit) {
+  for (const auto equation :
+       {EquationOfState::acoustic, EquationOfState::linear_density, EquationOfState::tait})
+    for (const double limit : {1e300, 1e7}) {
+      FluidMaterial material = water();
+      material.equation_of_state = equation;
+      material.tension_limit = limit;
+      EXPECT_EQ(material.energy(1000), 0);
+      EXPECT_EQ(material.pressure(1000), 0);
+      for (const double rho : {930.0, 990.0, 1000.5, 1100.0}) {
+        const double step = 1e-3,
+                     slope = (material.energy(rho + step) - material.energy(rho - step)) / (2 * step);
+        EXPECT_NEAR(material.pressure(rho), rho * rho * slope, 1e-5 * std::abs(material.pressure(rho)) + 10)
+            << rho << " " << static_cast<int>(equation);
+      }
+      const double slope = (material.pressure(1000.1) - material.pressure(999.9)) / 0.2;
+      EXPECT_NEAR(std::sqrt(slope), 1450, 0.2);
+    }
+}
+
+TEST(Fluid, DensityFollowsHomogeneousMotionsExactlyUpToTheCorners) {
+  for (const double ratio : {0.8, 0.95, 1.5}) {
+    Cloud cloud(0.15);
+    std::fill(cloud.density.begin(), cloud.density.end(), 1010.0);
+    const double dt = 0.01, lxx = -3, lxy = 2, lyx = -1, lyy = 1;
+    // The positions are those after the step.
+    for (std::size_t i = 0; i < cloud.mass.size(); ++i) {
+      const double x = cloud.position[2 * i], y = cloud.position[2 * i + 1];
+      cloud.velocity[2 * i] = lxx * x + lxy * y;
+      cloud.velocity[2 * i + 1] = lyx * x + lyy * y;
+    }
+    Fluid fluid = cloud.fluid(water(), ratio);
+    EXPECT_EQ(fluid.measure(cloud.position, cloud.velocity, dt, cloud.density), 0);
+    const double exact = 1010 * ((1 - dt * lxx) * (1 - dt * lyy) - dt * dt * lxy * lyx);
+    for (const double rho : cloud.density) EXPECT_NEAR(rho, exact, 1e-10 * exact);
+  }
+}
+
+TEST(Fluid, ForcesBalanceAndDoTheWorkOfThePressure) {
+  Cloud cloud(0.15);
+  Fluid fluid = cloud.fluid(water());
+  const std::vector<double> rest(cloud.velocity.size(), 0.0);
+  fluid.measure(cloud.position, rest, 0, cloud.density);
+  fluid.find_forces(cloud.position, rest, cloud.density);
+  const std::vector<double> force = fluid.force();
+  double sum[2] = {0, 0}, size = 0, power = 0;
+  for (std::size_t c = 0; c < force.size(); ++c) {
+    sum[c % 2] += force[c];
+    size += std::abs(force[c]);
+    power += force[c] * cloud.velocity[c];
+  }
+  EXPECT_NEAR(sum[0], 0, 1e-13 * size);
+  EXPECT_NEAR(sum[1], 0, 1e-13 * size);
+  const double before = fluid.energy(cloud.density), dt = 1e-9;
+  fluid.measure(cloud.position, cloud.velocity, dt, cloud.density);
+  EXPECT_NEAR((fluid.energy(cloud.density) - before) / dt, -power, 1e-5 * std::abs(power));
+}
+
+TEST(Fluid, ViscositiesTakeEnergyAndDiffusionKeepsTheMass) {
+  for (int what = 0; what < 3; ++what) {
+    Cloud cloud(0.15);
+    FluidMaterial material = water();
+    if (what == 0) material.linear = 1, material.quadratic = 2;
+    if (what == 1) material.viscosity = 10;
+    if (what == 2) material.diffusion = 0.1;
+    Fluid fluid = cloud.fluid(material);
+    fluid.measure(cloud.position, cloud.velocity, 0, cloud.density);
+    fluid.find_forces(cloud.position, cloud.velocity, cloud.density);
+    if (what < 2) {
+      double power = 0, sum = 0, size = 0;
+      for (std::size_t c = 0; c < cloud.velocity.size(); ++c) {
+        power += fluid.viscous_force()[c] * cloud.velocity[c];
+        sum += fluid.viscous_force()[c];
+        size += std::abs(fluid.viscous_force()[c]);
+      }
+      EXPECT_LT(power, -1e-3 * size);
+      EXPECT_NEAR(sum, 0, 1e-13 * size);
+      continue;
+    }
+    const auto volume = [&] {
+      double total = 0;
+      for (std::size_t i = 0; i < cloud.mass.size(); ++i) total += cloud.mass[i] / cloud.density[i];
+      return total;
+    };
+    const double before = volume(), scatter = fluid.energy(cloud.density);
+    const std::vector<double> rest(cloud.velocity.size(), 0.0);
+    fluid.measure(cloud.position, rest, 2e-5, cloud.density);
+    const double lost = fluid.diffusion_work();
+    EXPECT_GT(lost, 0.01 * scatter);
+    EXPECT_NEAR(fluid.energy(cloud.density) + lost, scatter, 1e-10 * scatter);
+    // To first order in the change: the sum of the volumes stays.
+    EXPECT_NEAR(volume(), before, 1e-4 * before);
+  }
+}
+
+TEST(Fluid, NeighbourListsAreCompleteWhereverParticlesGo) {
+  Cloud cloud(0.2);
+  MovingNeighbours lists(0.21, 0.03);
+  for (int step = 0; step < 40; ++step) {
+    lists.update(cloud.position);
+    for (std::size_t i = 0; i < cloud.mass.size(); ++i) {
+      std::size_t expected = 0, found = 0;
+      for (std::size_t j = 0; j < cloud.mass.size(); ++j)
+        if (j != i && std::hypot(cloud.position[2 * j] - cloud.position[2 * i],
+                                 cloud.position[2 * j + 1] - cloud.position[2 * i + 1]) < 0.21)
+          ++expected;
+      for (std::uint32_t k = lists.first()[i]; k < lists.first()[i + 1]; ++k) {
+        const std::size_t j = lists.neighbour()[k];
+        if (std::hypot(cloud.position[2 * j] - cloud.position[2 * i],
+                       cloud.position[2 * j + 1] - cloud.position[2 * i + 1]) < 0.21)
+          ++found;
+      }
+      ASSERT_EQ(found, expected) << step << " " << i;
+    }
+    for (std::size_t c = 0; c < cloud.position.size(); ++c)
+      cloud.position[c] += 0.004 * cloud.velocity[c] + 0.05;
+  }
+  EXPECT_LT(lists.builds(), 40U);
+  EXPECT_GT(lists.builds(), 3U);
+}
+
+}  // namespace
+}  // namespace estuary::solid

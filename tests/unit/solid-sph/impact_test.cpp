@@ -1,0 +1,305 @@
+// Bodies that meet by impulses: the multipliers, where rows are made, and whole impacts with known outcome.
+#include <gtest/gtest.h>
+
+#include <unistd.h>
+
+#include <cmath>
+#include <filesystem>
+
+#include "bodies.hpp"
+#include "impulses.hpp"
+#include "outline_filling.hpp"
+#include "participant_under_test.hpp"
+#include "pinball.hpp"
+#include "solid.hpp"
+
+namespace estuary::solid {
+namespace {
+
+// Points on a line: the left one of a pair must not run into the right one.
+ContactRow row_between(std::uint32_t left, std::uint32_t right, double floor = 0) {
+  ContactRow row;
+  row.add(left, -1, 0);
+  row.add(right, 1, 0);
+  row.floor = floor;
+  return row;
+}
+
+TEST(Impulses, StopTheApproachOfTwoMassesWhateverTheirRatio) {
+  for (const double ratio : {1.0, 20.0, 1000.0, 1e6}) {
+    ImpulseSolver solver({1, 1 / ratio});
+    std::vector<double> velocity{3, -1};
+    std::vector<ContactRow> rows{row_between(0, 1)};
+    solver.solve(rows, 0, velocity);
+    const double common = (3 - ratio) / (1 + ratio);
+    EXPECT_NEAR(velocity[0], common, 1e-9);
+    EXPECT_NEAR(velocity[1], common, 1e-9);
+    EXPECT_NEAR(rows[0].impulse, 3 - common, 1e-9);
+  }
+}
+
+TEST(Impulses, SolveAChainAtOnceNeverPullAndStandRepeatedRows) {
+  const std::size_t n = 60;
+  std::vector<double> inverse(n), velocity(n, 0.0);
+  double momentum = 0, mass = 0;
+  for (std::size_t i = 0; i < n; ++i) {
+    inverse[i] = i % 7 == 3 ? 1000 : 1;
+    velocity[i] = i == 0 ? 100 : 0;
+    momentum += velocity[i] / inverse[i];
+    mass += 1 / inverse[i];
+  }
+  std::vector<ContactRow> rows;
+  for (std::uint32_t i = 0; i + 1 < n; ++i)
+    for (int twice = 0; twice < (i == 5 ? 2 : 1); ++twice) rows.push_back(row_between(i, i + 1));
+  ImpulseSolver solver(inverse);
+  solver.solve(rows, 0, velocity);
+  // Struck at its end, all of it moves on together.
+  for (const double v : velocity) EXPECT_NEAR(v, momentum / mass, 1e-6);
+  for (const ContactRow& row : rows) EXPECT_GE(row.impulse, 0);
+  // Pulled at its end, none of it follows.
+  std::fill(velocity.begin(), velocity.end(), 0.0);
+  velocity[0] = -100;
+  solver.solve(rows, 0, velocity);
+  EXPECT_EQ(velocity[0], -100);
+  EXPECT_EQ(velocity[1], 0);
+}
+
+TEST(Impulses, FrictionSticksOrSlidesByCoulombsLaw) {
+  for (const double share : {0.1, 2.0}) {
+    ContactRow row;
+    row.add(0, 0, 1);
+    row.add(1, 1, 0);
+    std::vector<ContactRow> rows{row};
+    std::vector<double> velocity{3, -4};
+    ImpulseSolver solver({1, 1});
+    solver.solve(rows, share, velocity);
+    EXPECT_NEAR(velocity[1], 0, 1e-12);
+    EXPECT_NEAR(velocity[0], std::max(0.0, 3 - share * 4), 1e-12);
+  }
+}
+
+// One ball over a surface made of a polygon's contour.
+std::vector<ContactRow> rows_of(const std::vector<Polygon>& loops, double x, double y, ContactMember surface,
+                                double radius = 0) {
+  Body body = place_on_contours(loops, 0.1);
+  body.fixed.assign(body.size(), 7);
+  body.rigid.push_back(
+      {.member = 0, .first = 0, .last = static_cast<std::uint32_t>(body.size()), .mass = 1, .inertia = 1});
+  Body ball;
+  ball.spacing = {0.1, 0.1};
+  ball.position = {x, y};
+  ball.volume = ball.energy_volume = {0.01};
+  ball.mass = {10};
+  ball.fixed = ball.edge = ball.member = {0};
+  append(body, ball);
+  surface.hardness = 1;
+  Pinball pinball(body, {.members = {surface, {.fluid = true, .radius = radius}}});
+  const std::vector<double> rigid(6, 0.0);
+  return pinball.find(body.position, rigid, 1e-3);
+}
+
+TEST(Pinball, MeetsFacesCornersAndBothWallsOfANook) {
+  const std::vector<Polygon> square{{{0, 0}, {1, 0}, {1, 1}, {0, 1}}};
+  auto rows = rows_of(square, 0.52, 1.02, {});
+  ASSERT_EQ(rows.size(), 1U);
+  EXPECT_NEAR(rows[0].gap, 0.02, 1e-12);
+  EXPECT_NEAR(rows[0].direction[1], 1, 1e-12);
+  EXPECT_NEAR(rows[0].floor, -20, 1e-9);
+  // Inside, near a corner: pushed out of the nearer face only.
+  rows = rows_of(square, 0.95, 0.99, {});
+  ASSERT_EQ(rows.size(), 1U);
+  EXPECT_NEAR(rows[0].gap, -0.01, 1e-12);
+  EXPECT_NEAR(rows[0].direction[1], 1, 1e-12);
+  EXPECT_EQ(rows[0].floor, 0);
+  // Outside of a corner: along the line of centres.
+  rows = rows_of(square, 1.012, 1.016, {}, 0.01);
+  ASSERT_EQ(rows.size(), 1U);
+  EXPECT_NEAR(rows[0].gap, 0.02 - 0.01, 1e-12);
+  EXPECT_NEAR(rows[0].direction[0], 0.6, 1e-12);
+  EXPECT_NEAR(rows[0].direction[1], 0.8, 1e-12);
+  // In the nook of an L both of its faces.
+  const std::vector<Polygon> angle{{{0, 0}, {1, 0}, {1, 0.5}, {0.5, 0.5}, {0.5, 1}, {0, 1}}};
+  rows = rows_of(angle, 0.51, 0.53, {});
+  ASSERT_EQ(rows.size(), 2U);
+  EXPECT_NEAR(std::min(rows[0].gap, rows[1].gap), 0.01, 1e-12);
+  EXPECT_NEAR(std::max(rows[0].gap, rows[1].gap), 0.03, 1e-12);
+  // Far away, nothing.
+  EXPECT_TRUE(rows_of(square, 0.5, 1.3, {}).empty());
+  EXPECT_TRUE(rows_of(square, 0.5, 0.5, {}).empty());
+}
+
+TEST(Pinball, RespectsTheThicknessOfAShellOnBothSides) {
+  const std::vector<Polygon> line{{{0, 0}, {1, 0}, {1, 1}, {0, 1}}};
+  for (const double y : {1.03, 0.97}) {
+    const auto rows = rows_of(line, 0.52, y, {.half_thickness = 0.02, .two_sided = true});
+    ASSERT_EQ(rows.size(), 1U);
+    EXPECT_NEAR(rows[0].gap, 0.01, 1e-12);
+    EXPECT_NEAR(rows[0].direction[1], y > 1 ? 1 : -1, 1e-12);
+  }
+}
+
+// A scene run window by window.
+class Running {
+public:
+  Running(const std::string& text, double window) : window_(window) {
+    Scene scene = Scene::parse(text, "scene.toml");
+    solid_.configure(scene, "solid");
+    for (const auto& problem : scene.problems()) ADD_FAILURE() << describe("scene.toml", problem);
+    static int number = 0;
+    folder_ = std::filesystem::temp_directory_path() /
+              ("solid-sph-impact-" + std::to_string(::getpid()) + "-" + std::to_string(++number));
+    solid_.start({}, folder_);
+  }
+  ~Running() { std::filesystem::remove_all(folder_); }
+  void run(int windows, bool repeat = false) {
+    for (int w = 0; w < windows; ++w) {
+      ++count_;
+      for (std::uint64_t iteration = 1; iteration <= (repeat ? 2U : 1U); ++iteration)
+        result_ = solid_.advance({.number = count_,
+                                  .iteration = iteration,
+                                  .mode = Mode::transient,
+                                  .time = window_ * static_cast<double>(count_ - 1),
+                                  .duration = window_},
+                                 {}, board_);
+      solid_.accept();
+    }
+  }
+  double value(const std::string& watch, const std::string& quantity) {
+    for (const auto& values : result_.watches)
+      if (values.name == watch)
+        for (const auto& [name, number] : values.quantities)
+          if (name == quantity) return number;
+    ADD_FAILURE() << "no " << watch << "." << quantity;
+    return 0;
+  }
+  Solid& solid() { return solid_; }
+  [[nodiscard]] const std::filesystem::path& folder() const { return folder_; }
+
+private:
+  Solid solid_;
+  AdvanceResult result_;
+  ProgressBoard board_;
+  double window_;
+  std::uint64_t count_ = 0;
+  std::filesystem::path folder_;
+};
+
+const char* const kHead = R"(
+title = "impact"
+dimension = 2
+[coupling]
+mode = "transient"
+window = 1e-5
+end_time = 1
+[solid]
+solver = "solid-sph"
+[[watch]]
+name = "all"
+participant = "solid"
+[[watch]]
+name = "column"
+participant = "solid"
+body = "column"
+)";
+
+// A fluid column, 0.25 m long, on its way down to y = 0.
+std::string column(double speed, double spacing, const std::string& more) {
+  return std::string(kHead) + "[[solid.body]]\nname = \"column\"\nkind = \"fluid\"\n" +
+         "box = { from = [0, 0], to = [0.05, 0.25] }\ndensity = 1000\nsound_speed = 1450\n" +
+         "velocity = [\"0\", \"-" + std::to_string(speed) + "\"]\n" + more + "[solid.contact]\n" +
+         "[[watch]]\n" + "name = \"inside\"\nparticipant = \"solid\"\npoint = [0.025, 0.1]\n" +
+         "[solid_settings]\nspacing = " + std::to_string(spacing) + "\n";
+}
+
+std::string with_settings(std::string text) {
+  const auto at = text.find("[solid_settings]\n");
+  const std::string settings = text.substr(at + 17);
+  text.erase(at);
+  text.insert(text.find("solver = \"solid-sph\"\n"), settings);
+  return text;
+}
+
+const char* const kPlate = R"(
+[[solid.body]]
+name = "plate"
+kind = "rigid"
+box = { from = [-0.05, -0.05], to = [0.1, 0] }
+mass = 1
+held = ["x", "y", "rotation"]
+[[watch]]
+name = "plate"
+participant = "solid"
+body = "plate"
+)";
+
+TEST(Impact, AColumnStopsOnARigidPlateBehindItsHugoniotPressure) {
+  Running run(with_settings(column(150, 0.0125, kPlate) + "held = [\"x\"]\n"), 1e-5);
+  run.run(15);
+  EXPECT_NEAR(run.value("inside", "pressure"), 1000 * 1450 * 150.0, 0.03 * 1000 * 1450 * 150.0);
+  EXPECT_NEAR(run.value("plate", "contact_force_y"), -1000 * 1450 * 150 * 0.05,
+              0.02 * 1000 * 1450 * 150 * 0.05);
+  EXPECT_NEAR(run.value("all", "total_energy"), 0.5 * 12.5 * 150 * 150, 0.01 * 0.5 * 12.5 * 150 * 150);
+  run.run(25);
+  EXPECT_NEAR(run.value("all", "contact_time"), 2 * 0.25 / 1450, 0.05 * 2 * 0.25 / 1450);
+  EXPECT_GT(run.value("column", "velocity_y"), 0.9 * 150);
+}
+
+TEST(Impact, MomentumIsKeptBetweenFluidElasticAndRigidBodies) {
+  const std::string bodies = R"(
+[[solid.body]]
+name = "block"
+box = { from = [-0.025, -0.1], to = [0.075, 0] }
+density = 7800
+young_modulus = 2e9
+poisson_ratio = 0.3
+[[solid.body]]
+name = "anvil"
+kind = "rigid"
+box = { from = [-0.05, -0.2], to = [0.1, -0.1] }
+mass = 0.2
+)";
+  Running run(with_settings(column(80, 0.0125, bodies)), 1e-5);
+  run.run(30);
+  EXPECT_NEAR(run.value("all", "momentum_y"), -12.5 * 80, 1e-9 * 12.5 * 80);
+  EXPECT_NEAR(run.value("all", "momentum_x"), 0, 1e-6);
+  EXPECT_NEAR(run.value("all", "total_energy"), 0.5 * 12.5 * 80 * 80, 0.02 * 0.5 * 12.5 * 80 * 80);
+  EXPECT_GT(run.value("all", "contact_time"), 1e-4);
+  EXPECT_GT(run.value("column", "velocity_y"), -79);
+}
+
+TEST(Impact, RepeatedWindowsAndARestartGiveTheSameBits) {
+  const std::string text = with_settings(column(80, 0.0125, kPlate));
+  Running one(text, 1e-5), two(text, 1e-5), three(text, 1e-5);
+  one.run(6);
+  two.run(6, true);
+  EXPECT_EQ(one.value("all", "kinetic_energy"), two.value("all", "kinetic_energy"));
+  one.solid().save(one.folder() / "saved");
+  one.run(4);
+  three.run(2);
+  three.solid().load(one.folder() / "saved");
+  three.run(4);
+  for (const char* quantity : {"kinetic_energy", "internal_energy", "total_energy", "contact_work"})
+    EXPECT_EQ(one.value("all", quantity), three.value("all", quantity)) << quantity;
+}
+
+TEST(Impact, SaysWhatAFluidDoesNotHave) {
+  const std::string text = with_settings(column(1, 0.0125, kPlate) + "stress_points = 1\n") + R"(
+[[solid.hold]]
+body = "column"
+region = [[0, 0], [1, 1]]
+[[solid.load]]
+body = "column"
+force = [1, 0]
+)";
+  Scene scene = Scene::parse(text, "scene.toml");
+  Solid solid;
+  solid.configure(scene, "solid");
+  std::string all;
+  for (const auto& problem : scene.problems()) all += problem.message + "\n";
+  EXPECT_NE(all.find("does not go with"), std::string::npos) << all;
+  EXPECT_NE(all.find("of solids, not of a fluid"), std::string::npos) << all;
+  EXPECT_NE(all.find("push a fluid with one of those"), std::string::npos) << all;
+}
+
+}  // namespace
+}  // namespace estuary::solid
