@@ -100,10 +100,16 @@ ImpactSolver::ImpactSolver(const Body& body, ImpactOptions options)
       friction_(options.friction),
       fluid_particle_(
           particles_that(body, [&](std::size_t i) { return options.is_fluid[body.member[i]] != 0; })),
-      solid_particle_(particles_that(
-          body, [&](std::size_t i) { return options.is_fluid[body.member[i]] == 0 && !body.carried(i); })),
+      solid_particle_(particles_that(body,
+                                     [&](std::size_t i) {
+                                       const std::size_t m = body.member[i];
+                                       return options.is_fluid[m] == 0 && !body.carried(i) &&
+                                              (options.sections.empty() ||
+                                               !(options.sections[m].thickness > 0));
+                                     })),
       local_(body.size(), kNone),
       is_fluid_(body.size(), 0),
+      is_shell_(body.size(), 0),
       fluid_(std::move(options.fluid), masses_of(body, fluid_particle_), members_of(body, fluid_particle_)),
       pinball_(body, std::move(options.contact)),
       inverse_mass_(inverse_masses(body, options.held)),
@@ -120,6 +126,14 @@ ImpactSolver::ImpactSolver(const Body& body, ImpactOptions options)
     solid_body_ = part_of(body, solid_particle_, local_);
     solid_ = options.make_solid(*solid_body_);
   }
+  if (!options.sections.empty()) {
+    rows_.emplace(body, std::move(options.sections));
+    row_history_ = rows_->rest_history();
+    for (std::uint32_t k = 0; k < rows_->size(); ++k) {
+      local_[rows_->particles()[k]] = k;
+      is_shell_[rows_->particles()[k]] = 1;
+    }
+  }
   const std::size_t members = body.member.empty() ? 0 : std::size_t{body.member.back()} + 1;
   impulse_.assign(2 * members, 0.0);
   contact_force_ = impulse_;
@@ -132,14 +146,17 @@ ImpactSolver::ImpactSolver(const Body& body, ImpactOptions options)
 }
 
 std::vector<double> ImpactSolver::gathered_history() const {
-  std::vector<double> history = solid_ ? solid_->history() : std::vector<double>{};
+  std::vector<double> history = row_history_;
+  if (solid_) history.insert(history.end(), solid_->history().begin(), solid_->history().end());
   history.insert(history.end(), density_.begin(), density_.end());
   return history;
 }
 
 void ImpactSolver::spread_history(const std::vector<double>& history) {
+  const auto rows = history.begin() + static_cast<std::ptrdiff_t>(row_history_.size());
   const auto middle = history.end() - static_cast<std::ptrdiff_t>(density_.size());
-  if (solid_) solid_->set_history({history.begin(), middle});
+  row_history_.assign(history.begin(), rows);
+  if (solid_) solid_->set_history({rows, middle});
   density_.assign(middle, history.end());
 }
 
@@ -170,7 +187,22 @@ std::int64_t ImpactSolver::evaluate(std::span<const double> displacement) {
   fluid_.find_forces(fluid_position_, fluid_velocity_, density_);
   if (solid_) bad += solid_->evaluate(solid_displacement_);
   copy_fields();
+  if (rows_) bad += rows_->evaluate(displacement, row_history_, false, fields_);
   return bad;
+}
+
+// Adds the forces of shells; links that are past a limit break.
+void ImpactSolver::bend_shells(std::span<const double> displacement, bool commit) {
+  if (!rows_) return;
+  std::int64_t bad = rows_->evaluate(displacement, row_history_, commit && rows_->remembers(), fields_);
+  if (commit && rows_->breakable() && rows_->break_links(row_history_) > 0) {
+    copy_fields();
+    bad += rows_->evaluate(displacement, row_history_, false, fields_);
+  }
+  if (bad > 0)
+    for (const std::uint32_t i : rows_->particles())
+      if (!std::isfinite(fields_.force[2 * i] + fields_.force[2 * i + 1]))
+        throw Breakdown(i, 0, std::numeric_limits<double>::quiet_NaN());
 }
 
 double ImpactSolver::energy(std::span<const double> displacement) const {
@@ -180,11 +212,28 @@ double ImpactSolver::energy(std::span<const double> displacement) const {
     copy_out(solid_particle_, displacement, own);
     sum += solid_->energy(own);
   }
-  return sum;
+  return rows_ ? sum + rows_->energy() : sum;
+}
+
+double ImpactSolver::plastic_work() const {
+  return (solid_ ? solid_->plastic_work() : 0) + (rows_ ? rows_->plastic_work(row_history_) : 0);
+}
+
+double ImpactSolver::fracture_work() const {
+  return rows_ ? rows_->fracture_work(row_history_) : 0;
+}
+
+double ImpactSolver::kinetic_energy(const State& state) const {
+  const double sum = Solver::kinetic_energy(state);
+  return rows_ ? sum + rows_->kinetic_energy({state.history.data(), row_history_.size()}) : sum;
+}
+
+double ImpactSolver::spin(const State& state) const {
+  return rows_ ? rows_->spin({state.history.data(), row_history_.size()}) : 0;
 }
 
 std::array<double, 16> ImpactSolver::tangent_at(std::size_t i) const {
-  if (is_fluid_[i] == 0 && local_[i] != kNone) return solid_->tangent_at(local_[i]);
+  if (is_fluid_[i] == 0 && is_shell_[i] == 0 && local_[i] != kNone) return solid_->tangent_at(local_[i]);
   return {1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1};
 }
 
@@ -194,16 +243,17 @@ Tensor<double> ImpactSolver::first_piola_kirchhoff_at(std::size_t i) const {
     return {-p, 0, 0, -p};
   }
   if (local_[i] == kNone) return {};
+  if (is_shell_[i] != 0) return rows_->first_piola_kirchhoff_at(local_[i]);
   return solid_->first_piola_kirchhoff_at(local_[i]);
 }
 
 double ImpactSolver::stress_across(std::size_t i) const {
   if (is_fluid_[i] != 0) return -fluid_.pressure(local_[i], density_[local_[i]]);
-  return local_[i] == kNone ? 0 : solid_->stress_across(local_[i]);
+  return local_[i] == kNone || is_shell_[i] != 0 ? 0 : solid_->stress_across(local_[i]);
 }
 
 double ImpactSolver::stretch_across(std::size_t i) const {
-  return is_fluid_[i] != 0 || local_[i] == kNone ? 1 : solid_->stretch_across(local_[i]);
+  return is_fluid_[i] != 0 || is_shell_[i] != 0 || local_[i] == kNone ? 1 : solid_->stretch_across(local_[i]);
 }
 
 double ImpactSolver::longest_step(const State& state, double courant) {
@@ -215,6 +265,10 @@ double ImpactSolver::longest_step(const State& state, double courant) {
     solid_->evaluate(solid_displacement_);
     step = std::min(step, courant * kSolidShare * stable / std::sqrt(std::max(1.0, solid_->stiffening())));
   }
+  if (rows_)
+    step = std::min(
+        step,
+        courant * 2 / std::sqrt(rows_->squared_frequency() * std::max(1.0, rows_->largest_stiffening())));
   double fastest = 0;
   for (std::size_t i = 0; i < body_.size(); ++i)
     fastest = std::max(fastest, std::hypot(state.velocity[2 * i], state.velocity[2 * i + 1]));
@@ -246,6 +300,7 @@ void ImpactSolver::find_forces(State& state, double time_step, std::uint64_t ste
     solid_seconds_ += watch.seconds();
   }
   copy_fields();
+  bend_shells(state.displacement, time_step > 0);
 }
 
 // Velocities of what follows a prescribed motion, of the coming step.
@@ -385,14 +440,24 @@ void ImpactSolver::advance(State& state, const Loading& loading, double duration
   state.external_work -= gravity_work();
   ExternalForces external(body_, loading);
   external.set(0.0, start, state.displacement);
+  const double decay = 1 - 0.5 * damping * dt, gain = 1 / (1 + 0.5 * damping * dt);
   find_forces(state, 0, 0);
+  if (rows_) rows_->add_moments(loading, start);
   drive(state, loading, start, dt);
   kick(state, loading, external, 0.5 * dt, dt, damping);
   for (std::uint64_t step = 1; step <= steps; ++step) {
     const double fraction = static_cast<double>(step) / static_cast<double>(steps);
     const double time = start + fraction * duration;
+    // Rotations go with the half-steps: kicked and drifted here, kicked again below.
+    if (rows_) rows_->turn(row_history_, dt, decay, gain, false);
     drift(state, loading, time, dt);
+    if (rows_ && !loading.moments.empty())
+      state.external_work += rows_->moment_work(loading, time - 0.5 * dt, dt, row_history_);
     find_forces(state, dt, step);
+    if (rows_) {
+      rows_->add_moments(loading, time);
+      rows_->turn(row_history_, dt, decay, gain, true);
+    }
     external.set(fraction, time, state.displacement);
     state.external_work += external.work();
     drive(state, loading, time, dt);
@@ -414,18 +479,45 @@ EquilibriumReport ImpactSolver::relax(std::vector<double>&, const Loading&, doub
   throw std::logic_error("bodies that meet by impulses have no equilibrium search");
 }
 
-NamedValues ImpactSolver::quantities_of(std::size_t i, const State&) const {
+NamedValues ImpactSolver::quantities_of(std::size_t i, const State& state) const {
   const double across = stress_across(i);
-  if (is_fluid_[i] != 0) return {{"pressure", -across}, {"density", density_[local_[i]]}};
-  if (local_[i] == kNone) return {{"pressure", 0.0}, {"density", 0.0}};
-  const Tensor<double> f = tensor_at(fields_.deformation_gradient, i), p = first_piola_kirchhoff_at(i);
-  const double j = determinant(f) * stretch_across(i);
-  const double trace = (p.xx * f.xx + p.xy * f.xy + p.yx * f.yx + p.yy * f.yy) / j + across;
-  return {{"pressure", -trace / 3}, {"density", body_.mass[i] / body_.volume[i] / j}};
+  double pressure = 0, density = 0;
+  if (is_fluid_[i] != 0) {
+    pressure = -across;
+    density = density_[local_[i]];
+  } else if (local_[i] != kNone) {
+    const Tensor<double> f = tensor_at(fields_.deformation_gradient, i), p = first_piola_kirchhoff_at(i);
+    const double j = determinant(f) * stretch_across(i);
+    pressure = -((p.xx * f.xx + p.xy * f.xy + p.yx * f.yx + p.yy * f.yy) / j + across) / 3;
+    density = body_.mass[i] / body_.volume[i] / j;
+  }
+  NamedValues values{{"pressure", pressure}, {"density", density}};
+  // The same names for every particle: frames have one column for all.
+  if (solid_ && solid_->history().size() == J2Plasticity::history_size * solid_particle_.size()) {
+    const bool own = is_fluid_[i] == 0 && is_shell_[i] == 0 && local_[i] != kNone;
+    values.emplace_back("plastic_strain",
+                        own ? solid_->history()[J2Plasticity::history_size * local_[i] + 4] : 0.0);
+  }
+  if (rows_) {
+    const bool own = is_shell_[i] != 0;
+    const auto section = own ? rows_->section_at(local_[i], row_history_) : std::array<double, 4>{};
+    values.insert(values.end(), {{"rotation", own ? state.history[2 * local_[i]] : 0.0},
+                                 {"normal_force", section[0]},
+                                 {"shear_force", section[1]},
+                                 {"bending_moment", section[2]},
+                                 {"section_plastic_strain", section[3]}});
+  }
+  return values;
 }
 
 NamedValues ImpactSolver::totals(const State& state) const {
-  return {{"contact_time", state.contact_time}, {"contact_work", state.contact_work}};
+  NamedValues result{{"contact_time", state.contact_time}, {"contact_work", state.contact_work}};
+  if (rows_ && rows_->breakable()) {
+    const auto lost = rows_->losses(row_history_);
+    result.insert(result.end(),
+                  {{"broken_links", lost[0]}, {"isolated_particles", lost[1]}, {"isolated_mass", lost[2]}});
+  }
+  return result;
 }
 
 NamedValues ImpactSolver::quantities_of_body(std::size_t member, const State& state) const {

@@ -1,4 +1,4 @@
-// Bodies of different kinds in one motion: fluids, solids and rigid bodies that meet by impulses.
+// Bodies of different kinds in one motion: fluids, solids, shells and rigid bodies that meet by impulses.
 //
 // Central differences with velocities half-way between the steps, as contact by multipliers wants them
 // (Maurel 2008, ch. 3): positions are drifted by them, forces are found there, and the kick that follows ends
@@ -7,10 +7,12 @@
 #pragma once
 
 #include <memory>
+#include <optional>
 
 #include "fluid.hpp"
 #include "impulses.hpp"
 #include "pinball.hpp"
+#include "shell_row.hpp"
 #include "solver.hpp"
 
 namespace estuary::solid {
@@ -18,6 +20,7 @@ namespace estuary::solid {
 struct ImpactOptions {
   FluidSettings fluid;
   std::vector<std::uint8_t> is_fluid;  // of each body
+  std::vector<ShellSection> sections;  // of each body; without thickness: no shell. Empty: there is none
   PinballSettings contact;
   double friction = 0;
   std::array<bool, 2> held{};  // components of the displacement that stay zero
@@ -25,7 +28,7 @@ struct ImpactOptions {
   std::function<std::unique_ptr<Solver>(const Body&)> make_solid;
 };
 
-/// History: that of the solid particles, then the density of each fluid particle [kg/m3].
+/// History: that of the shells, that of the solid particles, then the density of each fluid particle [kg/m3].
 class ImpactSolver final : public Solver {
 public:
   ImpactSolver(const Body& body, ImpactOptions options);
@@ -33,7 +36,11 @@ public:
   std::int64_t evaluate(std::span<const double> displacement) override;
   void commit(std::span<const double>) override {}
   double energy(std::span<const double> displacement) const override;
-  double plastic_work() const override { return solid_ ? solid_->plastic_work() : 0; }
+  double plastic_work() const override;
+  double fracture_work() const override;
+  double kinetic_energy(const State& state) const override;
+  double spin(const State& state) const override;
+  double held_moment() const override { return rows_ ? rows_->held_moment() : 0; }
   std::array<double, 16> tangent_at(std::size_t particle) const override;
   Tensor<double> first_piola_kirchhoff_at(std::size_t particle) const override;
   double stress_across(std::size_t particle) const override;
@@ -55,6 +62,7 @@ private:
   void place(std::span<const double> displacement);
   /// Forces of the state reached by a step of `time_step` (0: of the state as it is) at the velocities given.
   void find_forces(State& state, double time_step, std::uint64_t step);
+  void bend_shells(std::span<const double> displacement, bool commit);
   void copy_fields();
   void kick(State& state, const Loading& loading, const ExternalForces& external, double duration,
             double time_step, double damping);
@@ -70,11 +78,14 @@ private:
   std::vector<std::uint32_t> fluid_particle_, solid_particle_;  // of the whole body
   std::vector<std::uint32_t> local_;                            // of every particle among its kind
   std::vector<std::uint8_t> is_fluid_;                          // of every particle
+  std::vector<std::uint8_t> is_shell_;                          // likewise
   Fluid fluid_;
   Pinball pinball_;
   std::vector<double> inverse_mass_;  // of every degree of freedom
   ImpulseSolver impulses_;
   std::array<bool, 2> held_{};
+  std::optional<ShellRow> rows_;
+  std::vector<double> row_history_;
   std::unique_ptr<Body> solid_body_;
   std::unique_ptr<Solver> solid_;
   std::vector<double> position_, velocity_, before_;  // before: at the kick's start

@@ -133,6 +133,8 @@ std::unique_ptr<Solver> make_impact_solver(const SolidScene& scene, const Body& 
   for (std::size_t k = 0; k < scene.bodies.size(); ++k) {
     const BodyScene& described = scene.bodies[k];
     impact.is_fluid.push_back(described.fluid ? 1 : 0);
+    if (scene.shells())
+      impact.sections.push_back(described.shell ? shell_section(scene, described) : ShellSection{});
     impact.fluid.materials.push_back(described.fluid.value_or(FluidMaterial{}));
     impact.contact.members.push_back(
         {.hardness = hardness[k],
@@ -157,7 +159,11 @@ void plan_impact(const SolidScene& scene, Plan& plan) {
         contour += std::hypot(b[0] - a[0], b[1] - a[1]);
       }
     }
-    if (body.rigid) {
+    if (body.rigid || body.shell) {
+      if (body.shell)
+        for (std::size_t k = 0; k + 1 < body.loops.front().size(); ++k)
+          contour += std::hypot(body.loops.front()[k + 1][0] - body.loops.front()[k][0],
+                                body.loops.front()[k + 1][1] - body.loops.front()[k][1]);
       particles += std::round(contour / scene.spacing);
       continue;
     }

@@ -40,9 +40,15 @@ void read_shell(SceneTable& table, BodyScene& body) {
 
 void check_shells(SceneTable& solid, const SolidScene& scene) {
   if (!scene.shells()) return;
+  if (scene.impact()) {  // other bodies are there, and their keys
+    if (!(scene.spacing > 0) || solid.has("particles_across"))
+      solid.problem("particles_across", "a shell is one row of particles; give `spacing`");
+    return;
+  }
   if (std::any_of(scene.bodies.begin(), scene.bodies.end(),
                   [](const BodyScene& body) { return !body.shell; }))
-    solid.problem("kind", "shells and other bodies do not go into one scene yet");
+    solid.problem("kind",
+                  "shells go into one scene with other bodies only with [solid.contact] method = \"pinball\"");
   if (!(scene.spacing > 0) || solid.has("particles_across"))
     solid.problem("particles_across", "a shell is one row of particles; give `spacing`");
   for (const char* key :

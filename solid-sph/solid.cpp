@@ -59,13 +59,13 @@ void Solid::build() {
   body_ = build_body(scene_);
   SolverOptions options = scene_.solver_options();
   for (Material& material : options.materials) material.viscosity.smoothing_length = body_.smoothing_length;
-  if (scene_.shells()) {
+  if (scene_.impact()) {
+    solver_ = make_impact_solver(scene_, body_, options);
+  } else if (scene_.shells()) {
     std::vector<ShellSection> sections;
     for (const BodyScene& body : scene_.bodies) sections.push_back(shell_section(scene_, body));
     solver_ = std::make_unique<ShellSolver>(body_, std::move(sections));
-  } else if (scene_.impact())
-    solver_ = make_impact_solver(scene_, body_, options);
-  else if (scene_.updated_lagrangian)
+  } else if (scene_.updated_lagrangian)
     solver_ = std::make_unique<UpdatedLagrangianSolver>(body_, options);
   else
     solver_ = make_solver(scene_.law, body_, options);
@@ -139,7 +139,7 @@ v1::Exchange Solid::start(const v1::Exchange&, const std::filesystem::path& fold
     if (watch.point) {
       entry.point = *watch.point;
       entry.rigid = rigid_at(*watch.point);
-      if (scene_.shells())
+      if (scene_.shell_at(*watch.point))
         entry.transfer = row_transfer(body_, *watch.point);
       else if (!entry.rigid)
         entry.transfer = point_transfer(body_, *watch.point);

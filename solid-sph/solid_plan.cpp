@@ -42,12 +42,12 @@ void plan_rigid(const SolidScene& scene, const BodyScene& body, Plan& plan) {
 Plan plan_of(const SolidScene& scene) {
   const Box& box = scene.bodies.front().box;
   Plan plan;
-  if (scene.shells()) {
-    plan_shells(scene, plan);
-    return plan;
-  }
   if (scene.impact()) {
     plan_impact(scene, plan);
+    return plan;
+  }
+  if (scene.shells()) {
+    plan_shells(scene, plan);
     return plan;
   }
   double particles = 0;

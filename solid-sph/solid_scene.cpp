@@ -6,6 +6,20 @@
 namespace estuary::solid {
 namespace {
 
+// From the mid-line of a shell.
+double distance_to(const BodyScene& body, double x, double y) {
+  const Polygon& line = body.loops.front();
+  double nearest = 1e300;
+  for (std::size_t k = 0; k < line.size(); ++k) {
+    if (k + 1 == line.size() && !(body.shell && body.shell->closed)) break;
+    const auto &a = line[k], &b = line[(k + 1) % line.size()];
+    const double dx = b[0] - a[0], dy = b[1] - a[1];
+    const double share = std::clamp(((x - a[0]) * dx + (y - a[1]) * dy) / (dx * dx + dy * dy), 0.0, 1.0);
+    nearest = std::min(nearest, std::hypot(a[0] + share * dx - x, a[1] + share * dy - y));
+  }
+  return nearest;
+}
+
 bool near_a_body(const SolidScene& scene, double x, double y) {
   for (const BodyScene& body : scene.bodies) {
     if (body.shape == Shape::points) {
@@ -14,14 +28,7 @@ bool near_a_body(const SolidScene& scene, double x, double y) {
       continue;
     }
     if (body.shape == Shape::polyline) {
-      const Polygon& line = body.loops.front();
-      for (std::size_t k = 0; k < line.size(); ++k) {
-        const auto &a = line[k], &b = line[(k + 1) % line.size()];
-        if (k + 1 == line.size() && !(body.shell && body.shell->closed)) break;
-        const double dx = b[0] - a[0], dy = b[1] - a[1];
-        const double share = std::clamp(((x - a[0]) * dx + (y - a[1]) * dy) / (dx * dx + dy * dy), 0.0, 1.0);
-        if (std::hypot(a[0] + share * dx - x, a[1] + share * dy - y) < 0.5 * scene.spacing) return true;
-      }
+      if (distance_to(body, x, y) < 0.5 * scene.spacing) return true;
       continue;
     }
     const auto loops = body.outline(scene.spacing);
@@ -159,6 +166,13 @@ bool SolidScene::shells() const {
 bool SolidScene::breaks() const {
   return std::any_of(bodies.begin(), bodies.end(),
                      [](const BodyScene& body) { return body.shell && body.shell->rupture.any(); });
+}
+
+bool SolidScene::shell_at(const std::array<double, 2>& point) const {
+  if (!impact()) return shells();
+  return std::any_of(bodies.begin(), bodies.end(), [&](const BodyScene& body) {
+    return body.shell && distance_to(body, point[0], point[1]) <= 0.5 * body.shell->thickness;
+  });
 }
 
 bool SolidScene::fluids() const {

@@ -161,6 +161,8 @@ struct SolidScene {
   [[nodiscard]] bool shells() const;
   /// Whether anything can break.
   [[nodiscard]] bool breaks() const;
+  /// Whether a point lies on the mid-line of a shell, up to half its thickness.
+  [[nodiscard]] bool shell_at(const std::array<double, 2>& point) const;
   [[nodiscard]] bool fluids() const;
   /// Bodies of several kinds in one motion; see ImpactSolver.
   [[nodiscard]] bool impact() const { return pinball || fluids(); }
