@@ -135,7 +135,12 @@ v1::Exchange Solid::start(const v1::Exchange&, const std::filesystem::path& fold
   }
   watches_.clear();
   for (const WatchScene& watch : scene_.watches) {
-    PointWatch entry{.name = watch.name, .point = {}, .body = watch.body, .rigid = {}, .transfer = {}};
+    PointWatch entry{.name = watch.name,
+                     .point = {},
+                     .body = watch.body,
+                     .rigid = {},
+                     .transfer = {},
+                     .region = watch.region};
     if (watch.point) {
       entry.point = *watch.point;
       entry.rigid = rigid_at(*watch.point);
@@ -540,6 +545,25 @@ std::vector<std::pair<std::string, double>> Solid::body_quantities(std::size_t m
   return result;
 }
 
+// Of the particles that are now inside.
+NamedValues Solid::region_quantities(const std::array<double, 4>& region) const {
+  double mass = 0;
+  std::array<double, 2> momentum{};
+  for (std::size_t i = 0; i < body_.particles(); ++i) {
+    const double x = body_.position[2 * i] + state_.displacement[2 * i],
+                 y = body_.position[2 * i + 1] + state_.displacement[2 * i + 1];
+    if (x < region[0] || y < region[1] || x > region[2] || y > region[3]) continue;
+    mass += body_.mass[i];
+    for (std::size_t c = 0; c < 2; ++c) momentum[c] += body_.mass[i] * state_.velocity[2 * i + c];
+  }
+  const double share = mass > 0 ? 1 / mass : 0;
+  return {{"mass", mass},
+          {"momentum_x", momentum[0]},
+          {"momentum_y", momentum[1]},
+          {"velocity_x", share * momentum[0]},
+          {"velocity_y", share * momentum[1]}};
+}
+
 // What the method knows beyond displacements and stresses, in place of what is there under the same name.
 void Solid::add_quantities(const Transfer& transfer, NamedValues& quantities) const {
   NamedValues sum;
@@ -567,7 +591,9 @@ std::vector<WatchValues> Solid::watch_values(double time) {
   }
   for (const PointWatch& watch : watches_) {
     WatchValues entry{watch.name, {}};
-    if (watch.body) {
+    if (watch.region) {
+      entry.quantities = region_quantities(*watch.region);
+    } else if (watch.body) {
       entry.quantities = body_quantities(*watch.body);
     } else if (watch.rigid) {
       entry.quantities = rigid_quantities(*watch.rigid, watch.point);

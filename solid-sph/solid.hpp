@@ -31,9 +31,10 @@ private:
   struct PointWatch {
     std::string name;
     std::array<double, 2> point{};
-    std::optional<std::size_t> body;   // totals of one
-    std::optional<std::size_t> rigid;  // the rigid body it lies in
-    std::optional<Transfer> transfer;  // else; none for totals
+    std::optional<std::size_t> body;              // totals of one
+    std::optional<std::size_t> rigid;             // the rigid body it lies in
+    std::optional<Transfer> transfer;             // else; none for totals
+    std::optional<std::array<double, 4>> region;  // what passes through it
   };
 
   void build();
@@ -50,6 +51,7 @@ private:
   [[nodiscard]] std::uint64_t steps_for(double duration);
   void fill_displacements(v1::Displacements& field) const;
   [[nodiscard]] std::vector<WatchValues> watch_values(double time);
+  [[nodiscard]] NamedValues region_quantities(const std::array<double, 4>& region) const;
   void add_quantities(const Transfer& transfer, NamedValues& quantities) const;
   [[nodiscard]] std::array<double, 3> reaction(double time);
   /// Cauchy xx yy xy zz, von Mises and equivalent plastic strain of a particle.

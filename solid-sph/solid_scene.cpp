@@ -138,6 +138,15 @@ void read_watches(SceneTable& root, const std::string& role, SolidScene& result)
           table.problem("point", "lies outside of every body in its reference state");
       }
     }
+    if (table.has("region")) {
+      const auto corners = table.points("region", 2);
+      if (corners.size() == 4 && corners[2] > corners[0] && corners[3] > corners[1])
+        watch.region = {corners[0], corners[1], corners[2], corners[3]};
+      else
+        table.problem("region", "wants the lower left and the upper right corner [[x, y], [x, y]]");
+      if (table.has("point") || table.has("body"))
+        table.problem("region", "give one of `point`, `body` and `region`");
+    }
     for (const char* key : {"line", "samples"})
       if (table.has(key)) table.problem(key, "the solid watches points and totals, not lines");
     result.watches.push_back(std::move(watch));

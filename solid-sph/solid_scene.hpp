@@ -97,8 +97,9 @@ struct LoadScene {
 
 struct WatchScene {
   std::string name;
-  std::optional<std::array<double, 2>> point;  // reference position [m]
-  std::optional<std::size_t> body;             // totals of one
+  std::optional<std::array<double, 2>> point;   // reference position [m]
+  std::optional<std::size_t> body;              // totals of one
+  std::optional<std::array<double, 4>> region;  // what is now between x0, y0 and x1, y1
 };
 
 enum class SteadyMethod { newton, relaxation };
