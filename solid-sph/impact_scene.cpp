@@ -109,7 +109,8 @@ void check_impact(SceneTable& solid, const SolidScene& scene) {
   for (const char* key : {"stress_points", "formulation", "periodic", "conservative_smoothing"})
     if (solid.has(key)) solid.problem(key, "does not go with bodies that meet by impulses");
   for (const HoldScene& hold : scene.holds) {
-    if (scene.bodies[hold.place.body].fluid) solid.problem("hold", "is of solids, not of a fluid");
+    if (hold.place.every_body ? scene.fluids() : scene.bodies[hold.place.body].fluid.has_value())
+      solid.problem("hold", "is of solids, not of a fluid; name the `body` it holds");
     if (!hold.displacement[0].empty() || !hold.displacement[1].empty())
       solid.problem("hold",
                     "with a `displacement` does not go with bodies that meet by impulses; use a rigid body");
