@@ -9,7 +9,7 @@
 namespace estuary::solid {
 namespace {
 
-FluidMaterial water() {
+FluidMaterial calm_water() {
   FluidMaterial material;
   material.density = 1000;
   material.sound_speed = 1450;
@@ -17,10 +17,10 @@ FluidMaterial water() {
 }
 
 // A disturbed lattice with particles of several sizes.
-struct Cloud {
+struct FluidCloud {
   std::vector<double> position, velocity, mass, density;
   std::vector<std::uint8_t> member;
-  explicit Cloud(double disturbance, double spacing = 0.1) {
+  explicit FluidCloud(double disturbance, double spacing = 0.1) {
     const auto noise = test::random_field(2 * 12 * 9, disturbance * spacing, 5);
     for (std::size_t a = 0; a < 12; ++a)
       for (std::size_t b = 0; b < 9; ++b) {
@@ -42,7 +42,7 @@ TEST(Fluid, PressureIsTheEnergysDerivativeAlsoBeyondTheTensionLimit) {
   for (const auto equation :
        {EquationOfState::acoustic, EquationOfState::linear_density, EquationOfState::tait})
     for (const double limit : {1e300, 1e7}) {
-      FluidMaterial material = water();
+      FluidMaterial material = calm_water();
       material.equation_of_state = equation;
       material.tension_limit = limit;
       EXPECT_EQ(material.energy(1000), 0);
@@ -60,7 +60,7 @@ TEST(Fluid, PressureIsTheEnergysDerivativeAlsoBeyondTheTensionLimit) {
 
 TEST(Fluid, DensityFollowsHomogeneousMotionsExactlyUpToTheCorners) {
   for (const double ratio : {0.8, 0.95, 1.5}) {
-    Cloud cloud(0.15);
+    FluidCloud cloud(0.15);
     std::fill(cloud.density.begin(), cloud.density.end(), 1010.0);
     const double dt = 0.01, lxx = -3, lxy = 2, lyx = -1, lyy = 1;
     // The positions are those after the step.
@@ -69,7 +69,7 @@ TEST(Fluid, DensityFollowsHomogeneousMotionsExactlyUpToTheCorners) {
       cloud.velocity[2 * i] = lxx * x + lxy * y;
       cloud.velocity[2 * i + 1] = lyx * x + lyy * y;
     }
-    Fluid fluid = cloud.fluid(water(), ratio);
+    Fluid fluid = cloud.fluid(calm_water(), ratio);
     EXPECT_EQ(fluid.measure(cloud.position, cloud.velocity, dt, cloud.density), 0);
     const double exact = 1010 * ((1 - dt * lxx) * (1 - dt * lyy) - dt * dt * lxy * lyx);
     for (const double rho : cloud.density) EXPECT_NEAR(rho, exact, 1e-10 * exact);
@@ -77,8 +77,8 @@ TEST(Fluid, DensityFollowsHomogeneousMotionsExactlyUpToTheCorners) {
 }
 
 TEST(Fluid, ForcesBalanceAndDoTheWorkOfThePressure) {
-  Cloud cloud(0.15);
-  Fluid fluid = cloud.fluid(water());
+  FluidCloud cloud(0.15);
+  Fluid fluid = cloud.fluid(calm_water());
   const std::vector<double> rest(cloud.velocity.size(), 0.0);
   fluid.measure(cloud.position, rest, 0, cloud.density);
   fluid.find_forces(cloud.position, rest, cloud.density);
@@ -98,8 +98,8 @@ TEST(Fluid, ForcesBalanceAndDoTheWorkOfThePressure) {
 
 TEST(Fluid, ViscositiesTakeEnergyAndDiffusionKeepsTheMass) {
   for (int what = 0; what < 3; ++what) {
-    Cloud cloud(0.15);
-    FluidMaterial material = water();
+    FluidCloud cloud(0.15);
+    FluidMaterial material = calm_water();
     if (what == 0) material.linear = 1, material.quadratic = 2;
     if (what == 1) material.viscosity = 10;
     if (what == 2) material.diffusion = 0.1;
@@ -134,7 +134,7 @@ TEST(Fluid, ViscositiesTakeEnergyAndDiffusionKeepsTheMass) {
 }
 
 TEST(Fluid, NeighbourListsAreCompleteWhereverParticlesGo) {
-  Cloud cloud(0.2);
+  FluidCloud cloud(0.2);
   MovingNeighbours lists(0.21, 0.03);
   for (int step = 0; step < 40; ++step) {
     lists.update(cloud.position);

@@ -139,9 +139,9 @@ TEST(Pinball, RespectsTheThicknessOfAShellOnBothSides) {
 }
 
 // A scene run window by window.
-class Running {
+class RunningImpact {
 public:
-  Running(const std::string& text, double window) : window_(window) {
+  RunningImpact(const std::string& text, double window) : window_(window) {
     Scene scene = Scene::parse(text, "scene.toml");
     solid_.configure(scene, "solid");
     for (const auto& problem : scene.problems()) ADD_FAILURE() << describe("scene.toml", problem);
@@ -150,7 +150,7 @@ public:
               ("solid-sph-impact-" + std::to_string(::getpid()) + "-" + std::to_string(++number));
     solid_.start({}, folder_);
   }
-  ~Running() { std::filesystem::remove_all(folder_); }
+  ~RunningImpact() { std::filesystem::remove_all(folder_); }
   void run(int windows, bool repeat = false) {
     for (int w = 0; w < windows; ++w) {
       ++count_;
@@ -184,7 +184,7 @@ private:
   std::filesystem::path folder_;
 };
 
-const char* const kHead = R"(
+const char* const kImpactHead = R"(
 title = "impact"
 dimension = 2
 [coupling]
@@ -203,15 +203,15 @@ body = "column"
 )";
 
 // A fluid column, 0.25 m long, on its way down to y = 0.
-std::string column(double speed, double spacing, const std::string& more) {
-  return std::string(kHead) + "[[solid.body]]\nname = \"column\"\nkind = \"fluid\"\n" +
+std::string column_scene(double speed, double spacing, const std::string& more) {
+  return std::string(kImpactHead) + "[[solid.body]]\nname = \"column\"\nkind = \"fluid\"\n" +
          "box = { from = [0, 0], to = [0.05, 0.25] }\ndensity = 1000\nsound_speed = 1450\n" +
          "velocity = [\"0\", \"-" + std::to_string(speed) + "\"]\n" + more + "[solid.contact]\n" +
          "[[watch]]\n" + "name = \"inside\"\nparticipant = \"solid\"\npoint = [0.025, 0.1]\n" +
          "[solid_settings]\nspacing = " + std::to_string(spacing) + "\n";
 }
 
-std::string with_settings(std::string text) {
+std::string with_spacing(std::string text) {
   const auto at = text.find("[solid_settings]\n");
   const std::string settings = text.substr(at + 17);
   text.erase(at);
@@ -219,7 +219,7 @@ std::string with_settings(std::string text) {
   return text;
 }
 
-const char* const kPlate = R"(
+const char* const kRigidPlate = R"(
 [[solid.body]]
 name = "plate"
 kind = "rigid"
@@ -233,7 +233,7 @@ body = "plate"
 )";
 
 TEST(Impact, AColumnStopsOnARigidPlateBehindItsHugoniotPressure) {
-  Running run(with_settings(column(150, 0.0125, kPlate) + "held = [\"x\"]\n"), 1e-5);
+  RunningImpact run(with_spacing(column_scene(150, 0.0125, kRigidPlate) + "held = [\"x\"]\n"), 1e-5);
   run.run(15);
   EXPECT_NEAR(run.value("inside", "pressure"), 1000 * 1450 * 150.0, 0.03 * 1000 * 1450 * 150.0);
   EXPECT_NEAR(run.value("plate", "contact_force_y"), -1000 * 1450 * 150 * 0.05,
@@ -258,7 +258,7 @@ kind = "rigid"
 box = { from = [-0.05, -0.2], to = [0.1, -0.1] }
 mass = 0.2
 )";
-  Running run(with_settings(column(80, 0.0125, bodies)), 1e-5);
+  RunningImpact run(with_spacing(column_scene(80, 0.0125, bodies)), 1e-5);
   run.run(30);
   EXPECT_NEAR(run.value("all", "momentum_y"), -12.5 * 80, 1e-9 * 12.5 * 80);
   EXPECT_NEAR(run.value("all", "momentum_x"), 0, 1e-6);
@@ -268,8 +268,8 @@ mass = 0.2
 }
 
 TEST(Impact, RepeatedWindowsAndARestartGiveTheSameBits) {
-  const std::string text = with_settings(column(80, 0.0125, kPlate));
-  Running one(text, 1e-5), two(text, 1e-5), three(text, 1e-5);
+  const std::string text = with_spacing(column_scene(80, 0.0125, kRigidPlate));
+  RunningImpact one(text, 1e-5), two(text, 1e-5), three(text, 1e-5);
   one.run(6);
   two.run(6, true);
   EXPECT_EQ(one.value("all", "kinetic_energy"), two.value("all", "kinetic_energy"));
@@ -283,7 +283,7 @@ TEST(Impact, RepeatedWindowsAndARestartGiveTheSameBits) {
 }
 
 TEST(Impact, SaysWhatAFluidDoesNotHave) {
-  const std::string text = with_settings(column(1, 0.0125, kPlate) + "stress_points = 1\n") + R"(
+  const std::string text = with_spacing(column_scene(1, 0.0125, kRigidPlate) + "stress_points = 1\n") + R"(
 [[solid.hold]]
 body = "column"
 region = [[0, 0], [1, 1]]
