@@ -293,7 +293,7 @@ void read_watches(SceneTable& root, CouplingScene& result) {
       watch.angular_frequency = table.number("angular_frequency", Range::positive());
     watch.from_time = table.number_or("from_time", 0.0, Range::not_negative());
     // Where to look is the participant's business.
-    table.leave_to_others({"point", "line", "samples", "grain", "wall", "from", "to", "obstacle",
+    table.leave_to_others({"point", "line", "samples", "region", "grain", "wall", "from", "to", "obstacle",
                            "reference_length", "reference_velocity", "exact_velocity", "body"});
     if (watch.name.find_first_not_of("abcdefghijklmnopqrstuvwxyzABCDEFGHIJKLMNOPQRSTUVWXYZ0123456789_-") !=
         std::string::npos) {
