@@ -6,7 +6,7 @@
 namespace estuary::solid {
 namespace {
 
-constexpr std::size_t kMostRounds = 30;
+constexpr std::size_t kMostRounds = 60;
 constexpr std::size_t kMostIterations = 500;
 constexpr double kTolerance = 1e-10;
 constexpr double kNothing = 1e-12;
@@ -94,11 +94,12 @@ std::size_t ImpulseSolver::solve(std::vector<ContactRow>& rows, double friction,
     yielding_[r] = 0;
     for (std::uint32_t k = 0; k < rows[r].count; ++k)
       yielding_[r] += inverse_mass_[rows[r].freedom[k]] * rows[r].normal[k] * rows[r].normal[k];
-    is_active_[r] = wanted_[r] > 0 && yielding_[r] > 0 ? 1 : 0;
     fastest = std::max(fastest, std::abs(wanted_[r]));
   }
   // Rounding must not make rows come and go.
   const double hair = 1e-9 * fastest;
+  // What rests on each other passes a stroke on at once.
+  for (std::size_t r = 0; r < n; ++r) is_active_[r] = wanted_[r] >= -hair && yielding_[r] > 0 ? 1 : 0;
   for (std::size_t round = 0; round < kMostRounds; ++round) {
     active_.clear();
     for (std::uint32_t r = 0; r < n; ++r)

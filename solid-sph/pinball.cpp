@@ -136,6 +136,7 @@ void Pinball::attach(ContactRow& row, std::uint32_t particle, double weight, dou
 
 void Pinball::add_row(std::uint32_t point, const Segment& segment, double share, double nx, double ny,
                       double gap, std::span<const double> x) {
+  share = std::clamp(share, 0.0, 1.0);
   // At the joint of two pieces both say the same.
   for (std::size_t k = rows_.size(); k-- > 0 && rows_[k].point == point;)
     if (rows_[k].surface_member == segment.member &&
