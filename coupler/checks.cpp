@@ -78,15 +78,13 @@ double statistic_of(const WatchSeries& series, const std::string& statistic, con
   return missing;
 }
 
-double value_of(const std::string& quantity, const CouplingScene& scene, const RunRecord& record,
-                const RunFigures& figures) {
-  if (quantity == "coupling.iterations") {
-    std::uint64_t most = 0;
-    for (const auto& window : record.windows()) most = std::max(most, window.iterations);
-    return static_cast<double>(most);
-  }
+}  // namespace
+
+double quantity_value(const std::string& quantity, const CouplingScene& scene, const WatchRecord& watches,
+                      const RunFigures& figures) {
+  if (quantity == "coupling.iterations") return static_cast<double>(figures.most_iterations);
   if (quantity == "coupling.total_iterations") return static_cast<double>(figures.total_iterations);
-  if (quantity == "run.windows") return static_cast<double>(record.windows().size());
+  if (quantity == "run.windows") return static_cast<double>(figures.windows);
   if (quantity == "run.wall_s") return figures.wall_s;
   const std::size_t dot = quantity.find('.');
   if (dot == std::string::npos) return missing;
@@ -99,13 +97,11 @@ double value_of(const std::string& quantity, const CouplingScene& scene, const R
   }
   const auto watch = std::find_if(scene.watches.begin(), scene.watches.end(),
                                   [&](const WatchScene& candidate) { return candidate.name == name; });
-  const auto quantities = record.watches().find(name);
-  if (watch == scene.watches.end() || quantities == record.watches().end()) return missing;
+  const auto quantities = watches.find(name);
+  if (watch == scene.watches.end() || quantities == watches.end()) return missing;
   const auto series = quantities->second.find(rest);
   return series == quantities->second.end() ? missing : statistic_of(series->second, statistic, *watch);
 }
-
-}  // namespace
 
 double frequency_of(const WatchSeries& series, double from_time) {
   const auto first = static_cast<std::size_t>(
@@ -152,11 +148,14 @@ Harmonic fit_harmonic(const WatchSeries& series, double angular_frequency, doubl
 }
 
 std::vector<CheckResult> evaluate_checks(const CouplingScene& scene, const RunRecord& record,
-                                         const RunFigures& figures) {
+                                         RunFigures figures) {
+  figures.windows = record.windows().size();
+  for (const auto& window : record.windows())
+    figures.most_iterations = std::max(figures.most_iterations, window.iterations);
   std::vector<CheckResult> results;
   for (const auto& check : scene.checks) {
     CheckResult result{.check = check};
-    result.value = value_of(check.quantity, scene, record, figures);
+    result.value = quantity_value(check.quantity, scene, record.watches(), figures);
     if (check.reference) {
       double difference = result.value - *check.reference;
       if (check.quantity.ends_with(".phase")) difference = std::remainder(difference, 360.0);

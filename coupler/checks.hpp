@@ -22,10 +22,17 @@ struct CheckResult {
 struct RunFigures {
   double wall_s = 0;
   std::uint64_t total_iterations = 0;
+  std::uint64_t windows = 0;
+  std::uint64_t most_iterations = 0;  // of a window
 };
 
+/// Value of a quantity as a check names it; not a number when the run did not produce it.
+double quantity_value(const std::string& quantity, const CouplingScene& scene, const WatchRecord& watches,
+                      const RunFigures& figures);
+
+/// Of `figures` wall time and iterations are taken; windows are counted in the record.
 std::vector<CheckResult> evaluate_checks(const CouplingScene& scene, const RunRecord& record,
-                                         const RunFigures& figures);
+                                         RunFigures figures);
 
 /// Amplitude and phase [degrees, -180..180] of value(t) = mean + amplitude cos(angular_frequency t + phase),
 /// by least squares over the last whole number of periods after `from_time`. Not a number when less than one

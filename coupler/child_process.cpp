@@ -184,9 +184,10 @@ ChildProcess::~ChildProcess() {
 std::optional<std::string> ChildProcess::ended() {
   if (ended_) return ended_;
   int status = 0;
-  const pid_t result = ::waitpid(process_, &status, WNOHANG);
+  rusage used{};
+  const pid_t result = ::wait4(process_, &status, WNOHANG, &used);
   if (result == process_) {
-    ended_ = describe_status(status);
+    note_end(status, used);
   } else if (result < 0 && errno == ECHILD) {
     ended_ = "ended";
   }
@@ -209,9 +210,19 @@ void ChildProcess::end(double seconds) {
   ::kill(-process_, SIGKILL);
   if (ended_) return;
   int status = 0;
-  while (::waitpid(process_, &status, 0) < 0 && errno == EINTR) {
+  rusage used{};
+  while (::wait4(process_, &status, 0, &used) < 0 && errno == EINTR) {
   }
+  note_end(status, used);
+}
+
+void ChildProcess::note_end(int status, const rusage& used) {
+  const auto seconds = [](const timeval& time) {
+    return static_cast<double>(time.tv_sec) + 1e-6 * static_cast<double>(time.tv_usec);
+  };
   ended_ = describe_status(status);
+  exit_status_ = WIFSIGNALED(status) ? 128 + WTERMSIG(status) : WEXITSTATUS(status);
+  processor_seconds_ = seconds(used.ru_utime) + seconds(used.ru_stime);
 }
 
 }  // namespace estuary::coupler

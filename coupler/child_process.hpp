@@ -1,6 +1,7 @@
 // A solver process started by the coupler.
 #pragma once
 
+#include <sys/resource.h>
 #include <sys/types.h>
 
 #include <filesystem>
@@ -35,6 +36,10 @@ public:
 
   /// How it ended ("killed by signal 9", "exit status 1"), or nothing while it runs.
   std::optional<std::string> ended();
+  /// Exit status, or 128 + signal, once it has ended.
+  [[nodiscard]] int exit_status() const { return exit_status_; }
+  /// Processor time of it and of all processes it has waited for, once it has ended.
+  [[nodiscard]] double processor_seconds() const { return processor_seconds_; }
   /// A signal has stopped it (SIGSTOP, SIGTSTP) and none has let it go on.
   [[nodiscard]] bool stopped() const;
   /// Waits up to `seconds` for its end, then kills the whole group.
@@ -42,8 +47,12 @@ public:
   [[nodiscard]] pid_t process() const { return process_; }
 
 private:
+  void note_end(int status, const rusage& used);
+
   pid_t process_ = -1;
   std::optional<std::string> ended_;
+  int exit_status_ = 0;
+  double processor_seconds_ = 0;
 };
 
 }  // namespace estuary::coupler

@@ -156,8 +156,13 @@ void write_raster(const std::filesystem::path& file, const ImageFrame& image, co
   if (!stream) throw std::runtime_error(fmt::format("{}: cannot be written", file.string()));
 }
 
-std::optional<Solid> read_solid(const std::filesystem::path& run_folder) {
-  const auto last = last_frame(run_folder / "solid", "frame");
+std::optional<NamedFrame> frame_at(const std::filesystem::path& folder, const std::string& series,
+                                   WhichFrame which) {
+  return which == WhichFrame::first ? first_frame(folder, series) : last_frame(folder, series);
+}
+
+std::optional<Solid> read_solid(const std::filesystem::path& run_folder, WhichFrame which) {
+  const auto last = frame_at(run_folder / "solid", "frame", which);
   if (!last) return std::nullopt;
   Solid solid{.positions = read_point_frame(last->file).positions};
   const std::size_t count = solid.positions.size() / 2;
@@ -180,8 +185,8 @@ std::optional<Solid> read_solid(const std::filesystem::path& run_folder) {
   return solid;
 }
 
-std::optional<Outline> read_outline(const std::filesystem::path& run_folder) {
-  const auto last = last_frame(run_folder / "solid", "surface");
+std::optional<Outline> read_outline(const std::filesystem::path& run_folder, WhichFrame which) {
+  const auto last = frame_at(run_folder / "solid", "surface", which);
   if (!last) return std::nullopt;
   const auto frame = read_point_frame(last->file);
   const auto field = frame.fields.find("displacement");
@@ -304,8 +309,9 @@ std::string panel_script(const Panel& panel, std::size_t number, const ImageFram
 }  // namespace
 
 Picture draw_flow(const std::filesystem::path& run_folder, const std::filesystem::path& picture,
-                  const std::filesystem::path& work_folder, bool steady, const Gnuplot& gnuplot) {
-  const auto last = last_frame(run_folder / "fluid", "frame");
+                  const std::filesystem::path& work_folder, bool steady, const Gnuplot& gnuplot,
+                  WhichFrame which) {
+  const auto last = frame_at(run_folder / "fluid", "frame", which);
   if (!last) throw std::runtime_error("The fluid left no frames, so there is no picture of the flow.");
   const auto image = read_image_frame(last->file);
   if (image.nx < 2 || image.ny < 2)
@@ -349,8 +355,8 @@ Picture draw_flow(const std::filesystem::path& run_folder, const std::filesystem
   if (panels.empty())
     throw std::runtime_error("The last frame of the fluid holds neither velocity nor pressure.");
 
-  const auto solid = read_solid(run_folder);
-  const auto outline = read_outline(run_folder);
+  const auto solid = read_solid(run_folder, which);
+  const auto outline = read_outline(run_folder, which);
   const Layout layout = layout_of(image, panels.size());
   std::string script =
       "set multiplot\nset border lw 1.5 lc rgb '#404040'\nset tics out nomirror scale 0.6\nset xtics offset "
@@ -375,7 +381,8 @@ Picture draw_flow(const std::filesystem::path& run_folder, const std::filesystem
                script);
 
   std::string caption = fmt::format(
-      "The flow in the last frame ({}, {}).", last->file.filename().string(),
+      "The flow in the {} frame ({}, {}).", which == WhichFrame::first ? "first" : "last",
+      last->file.filename().string(),
       steady ? fmt::format("iteration {:.6g}", last->time) : fmt::format("t = {:.6g} s", last->time));
   if (!panels.front().lines.empty()) caption += " White lines are streamlines.";
   if (outline) caption += " The black line is the wet surface";

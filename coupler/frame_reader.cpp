@@ -149,13 +149,11 @@ private:
   Handle group_;
 };
 
-}  // namespace
-
-std::optional<LastFrame> last_frame(const std::filesystem::path& folder, const std::string& series) {
+std::vector<NamedFrame> frames_of(const std::filesystem::path& folder, const std::string& series) {
+  std::vector<NamedFrame> frames;
   std::ifstream stream(folder / (series + ".hdf.series"));
   const auto index = nlohmann::json::parse(stream, nullptr, false);
-  if (!index.is_object() || !index.contains("files") || !index["files"].is_array()) return std::nullopt;
-  std::optional<LastFrame> last;
+  if (!index.is_object() || !index.contains("files") || !index["files"].is_array()) return frames;
   for (const auto& entry : index["files"]) {
     if (!entry.is_object() || !entry.value("name", nlohmann::json()).is_string()) continue;
     // The name comes from a file: only its last part counts, so that nothing outside of the folder is read.
@@ -163,9 +161,21 @@ std::optional<LastFrame> last_frame(const std::filesystem::path& folder, const s
     std::error_code error;
     if (!std::filesystem::is_regular_file(file, error)) continue;
     const auto time = entry.value("time", nlohmann::json());
-    last = LastFrame{.file = file, .time = time.is_number() ? time.get<double>() : 0.0};
+    frames.push_back({.file = file, .time = time.is_number() ? time.get<double>() : 0.0});
   }
-  return last;
+  return frames;
+}
+
+}  // namespace
+
+std::optional<NamedFrame> last_frame(const std::filesystem::path& folder, const std::string& series) {
+  const auto frames = frames_of(folder, series);
+  return frames.empty() ? std::nullopt : std::optional(frames.back());
+}
+
+std::optional<NamedFrame> first_frame(const std::filesystem::path& folder, const std::string& series) {
+  const auto frames = frames_of(folder, series);
+  return frames.empty() ? std::nullopt : std::optional(frames.front());
 }
 
 ImageFrame read_image_frame(const std::filesystem::path& file) {

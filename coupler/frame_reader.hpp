@@ -32,13 +32,15 @@ struct PointFrame {
   std::map<std::string, FrameField> fields;
 };
 
-struct LastFrame {
+struct NamedFrame {
   std::filesystem::path file;
   double time = 0;
 };
 
 /// The last frame named in `folder`/`series`.hdf.series that exists; nothing when there is none.
-std::optional<LastFrame> last_frame(const std::filesystem::path& folder, const std::string& series);
+std::optional<NamedFrame> last_frame(const std::filesystem::path& folder, const std::string& series);
+/// The first one.
+std::optional<NamedFrame> first_frame(const std::filesystem::path& folder, const std::string& series);
 
 /// Throw std::runtime_error naming the file and what is wrong with it: another type, sizes that do not fit
 /// together, more than a hundred million values.

@@ -12,6 +12,7 @@
 #include "plan.hpp"
 #include "report.hpp"
 #include "run_command.hpp"
+#include "study_command.hpp"
 
 namespace {
 
@@ -48,7 +49,7 @@ std::optional<CheckedScene> checked_scene(const std::string& path,
 }
 
 int run(const std::string& path, std::string folder, const std::vector<std::string>& overrides, bool dry,
-        bool resume) {
+        bool resume, bool report) {
   const auto checked = checked_scene(path, overrides);
   if (!checked) return exit_code(ExitStatus::wrong_scene);
   if (folder.empty()) folder = (std::filesystem::path("runs") / std::filesystem::path(path).stem()).string();
@@ -59,7 +60,7 @@ int run(const std::string& path, std::string folder, const std::vector<std::stri
   for (const auto& [role, configured] : checked->participants) {
     for (const auto& warning : configured.warnings()) fmt::print(stderr, "{}: warning: {}\n", role, warning);
   }
-  return exit_code(run_scene(*checked, folder, resume, interrupts));
+  return exit_code(run_scene(*checked, folder, resume, interrupts, report));
 }
 
 int check(const std::string& path, const std::vector<std::string>& overrides) {
@@ -122,6 +123,28 @@ int report(const std::string& folder) {
   }
 }
 
+void add_study_options(CLI::App& command, StudyOptions& study) {
+  command.add_option("study", study.study, "The study file (TOML)")->required();
+  command.add_option("--out", study.folder, "Folder for cells and tables; runs/<study> by default");
+  command
+      .add_option("--jobs", study.jobs, "Settings that run at the same time; more than one spoils the times")
+      ->check(CLI::Range(1, 4096))
+      ->capture_default_str();
+  auto* slurm =
+      command.add_flag("--slurm", study.slurm, "Write and submit a job array, one task per setting");
+  auto* cell =
+      command.add_option("--cell", study.cell, "Run this setting only, counted from 0, without tables");
+  auto* collect =
+      command.add_flag("--collect", study.collect, "Run nothing: make the tables of what is there");
+  slurm->excludes(cell)->excludes(collect);
+  cell->excludes(collect);
+  command.add_option("--against", study.against, "An earlier study.csv (limits.csv of a bisection): exit 1 when an error grew or less holds")
+      ->check(CLI::ExistingFile);
+  command.add_option("--allow", study.allowed_growth, "Growth of an error that --against allows, relative")
+      ->check(CLI::NonNegativeNumber)
+      ->capture_default_str();
+}
+
 }  // namespace
 
 int main(int argc, char** argv) {
@@ -148,8 +171,14 @@ int main(int argc, char** argv) {
   run_command->add_flag("--dry-run", dry, "Check the scene, print what would be launched and end");
   bool resume = false;
   run_command->add_flag("--resume", resume, "Go on from the newest checkpoint in the run's folder");
+  bool no_report = false;
+  run_command->add_flag("--no-report", no_report, "Do not make the page of the run");
   auto* report_command = app.add_subcommand("report", "Make one HTML page of a finished run");
   report_command->add_option("folder", folder, "The run's folder")->required();
+  StudyOptions study;
+  auto* study_command = app.add_subcommand(
+      "study", "Run a scene over a grid of settings: error against run time, or stability");
+  add_study_options(*study_command, study);
   auto* ping_command = app.add_subcommand("ping", "Ask a running participant who it is");
   std::string endpoint;
   double timeout = 2.0;
@@ -170,8 +199,9 @@ int main(int argc, char** argv) {
     return app.exit(error) == 0 ? 0 : exit_code(ExitStatus::wrong_scene);
   }
   try {
-    if (*run_command) return run(scene, folder, overrides, dry, resume);
+    if (*run_command) return run(scene, folder, overrides, dry, resume, !no_report);
     if (*check_command) return check(scene, overrides);
+    if (*study_command) return exit_code(run_study(study, interrupts));
     if (*report_command) return report(folder);
     if (*keys_command) return make_keys(base);
     return ping(endpoint, timeout, key, server_key, insecure);

@@ -1,33 +1,23 @@
 #include "report.hpp"
 
-#include <fmt/chrono.h>
 #include <fmt/format.h>
-#include <sys/utsname.h>
 
 #include <cmath>
-#include <ctime>
-#include <fstream>
 #include <nlohmann/json.hpp>
 #include <optional>
-#include <sstream>
 #include <stdexcept>
-#include <thread>
 
+#include "environment.hpp"
 #include "gnuplot.hpp"
 #include "report_page.hpp"
 #include "report_plots.hpp"
 #include "scene.hpp"
+#include "whole_file.hpp"
 
 namespace estuary::coupler {
 namespace {
 
 using Json = nlohmann::ordered_json;
-
-#ifdef __clang__
-constexpr const char* compiler = __VERSION__;
-#else
-constexpr const char* compiler = "g++ " __VERSION__;
-#endif
 
 // The summary is a file: each value is looked at before it is used, and one that is missing is shown as "-".
 const Json& member(const Json& json, const char* key) {
@@ -56,20 +46,13 @@ std::vector<std::string> texts(const Json& json) {
   return result;
 }
 
-std::string content(const std::filesystem::path& file) {
-  std::ifstream stream(file, std::ios::binary);
-  std::ostringstream result;
-  if (stream) result << stream.rdbuf();
-  return result.str();
-}
-
 Json read_summary(const std::filesystem::path& run_folder) {
   const auto file = run_folder / "summary.json";
   if (!std::filesystem::is_regular_file(file)) {
     throw std::runtime_error(
         fmt::format("{} is missing: this is not the folder of a finished run", file.string()));
   }
-  auto summary = Json::parse(content(file), nullptr, false);
+  auto summary = Json::parse(read_whole(file), nullptr, false);
   if (!summary.is_object())
     throw std::runtime_error(fmt::format("{} is not a summary of a run", file.string()));
   return summary;
@@ -194,27 +177,6 @@ void add_plan(ReportPage& page, const Json& summary) {
   }
 }
 
-std::string processor_name() {
-  std::ifstream stream("/proc/cpuinfo");
-  for (std::string line; std::getline(stream, line);) {
-    if (line.starts_with("model name")) return line.substr(std::min(line.size(), line.find(':') + 2));
-  }
-  return "unknown";
-}
-
-void add_environment(ReportPage& page) {
-  page.heading("Environment");
-  utsname system{};
-  ::uname(&system);
-  page.table(
-      {"", ""},
-      {{"this page was made", fmt::format("{:%Y-%m-%d %H:%M:%S} UTC", fmt::gmtime(std::time(nullptr)))},
-       {"with Estuary", ESTUARY_VERSION},
-       {"compiled by", compiler},
-       {"on", fmt::format("{} {}, {}", system.sysname, system.release, system.machine)},
-       {"processor", fmt::format("{}, {} threads", processor_name(), std::thread::hardware_concurrency())}});
-}
-
 /// Pictures of an earlier report go away; the work folder goes away at the end.
 class ReportFolders {
 public:
@@ -236,22 +198,11 @@ private:
   ReportPlaces places_;
 };
 
-void write_page(const ReportPage& page, const std::filesystem::path& file) {
-  auto temporary = file;
-  temporary += ".part";
-  std::ofstream stream(temporary, std::ios::binary);
-  stream << page.html();
-  stream.close();
-  if (!stream)
-    throw std::runtime_error(fmt::format("{} cannot be written: is the disk full?", temporary.string()));
-  std::filesystem::rename(temporary, file);
-}
-
 }  // namespace
 
 void write_report(const std::filesystem::path& run_folder) {
   const Json summary = read_summary(run_folder);
-  const auto scene_text = content(run_folder / "scene.toml");
+  const auto scene_text = read_whole(run_folder / "scene.toml");
   const ReportScene scene = read_scene(scene_text);
   const auto gnuplot = Gnuplot::find();
   const ReportFolders folders(run_folder);
@@ -272,14 +223,15 @@ void write_report(const std::filesystem::path& run_folder) {
   }
   add_times(page, summary);
   add_plan(page, summary);
-  add_environment(page);
+  page.heading("Environment");
+  page.table({"", ""}, environment_rows());
   page.heading("Scene");
   if (scene_text.empty()) {
     page.paragraph("scene.toml is missing.");
   } else {
     page.folded("scene.toml, as it was run", scene_text);
   }
-  write_page(page, run_folder / "report.html");
+  write_whole(run_folder / "report.html", page.html());
 }
 
 }  // namespace estuary::coupler

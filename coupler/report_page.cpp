@@ -14,10 +14,11 @@ namespace {
 constexpr const char* style = R"(
 :root { color-scheme: light; }
 body { font: 15px/1.5 system-ui, "Segoe UI", Roboto, "DejaVu Sans", sans-serif; color: #1c2733; background: #fff;
-  margin: 0 auto; max-width: 1120px; padding: 24px 28px 60px; }
+  margin: 0 auto; max-width: 1120px; overflow-wrap: break-word; padding: 24px 28px 60px; }
 h1 { font-size: 27px; margin: 0 0 6px; }
 h2 { font-size: 19px; margin: 36px 0 10px; padding-bottom: 4px; border-bottom: 1px solid #d9dee4; }
 h3 { font-size: 15px; margin: 20px 0 6px; }
+.table { overflow-x: auto; }
 table { border-collapse: collapse; margin: 8px 0; font-variant-numeric: tabular-nums; }
 th, td { text-align: left; padding: 4px 14px 4px 0; border-bottom: 1px solid #e8ecf0; vertical-align: top; }
 th { font-weight: 600; color: #51606f; }
@@ -33,6 +34,8 @@ figcaption { color: #51606f; font-size: 13.5px; }
 .bar { background: #0072b2; height: 13px; min-width: 1px; border-radius: 2px; } .bars .value { text-align: right; font-variant-numeric: tabular-nums; }
 pre { background: #f4f6f8; padding: 12px; overflow-x: auto; font-size: 13px; line-height: 1.4; }
 summary { cursor: pointer; font-weight: 600; }
+@media (max-width: 640px) { body { padding: 14px 14px 40px; } h1 { font-size: 22px; } .bars { grid-template-columns: max-content 1fr; }
+  .bars .value { grid-column: 2; text-align: left; } figure.wide { overflow-x: auto; } figure.wide img { max-width: none; width: 720px; } }
 @media print { body { max-width: none; } }
 )";
 
@@ -125,7 +128,7 @@ void ReportPage::list(const std::vector<std::string>& entries) {
 
 void ReportPage::table(const std::vector<std::string>& names,
                        const std::vector<std::vector<std::string>>& rows) {
-  body_ += "<table>\n<tr>";
+  body_ += "<div class=\"table\"><table>\n<tr>";
   for (const auto& name : names) body_ += fmt::format("<th>{}</th>", html_escaped(name));
   body_ += "</tr>\n";
   for (const auto& row : rows) {
@@ -133,7 +136,7 @@ void ReportPage::table(const std::vector<std::string>& names,
     for (const auto& entry : row) body_ += cell(entry);
     body_ += "</tr>\n";
   }
-  body_ += "</table>\n";
+  body_ += "</table></div>\n";
 }
 
 void ReportPage::bars(const std::vector<std::pair<std::string, double>>& values, double whole,

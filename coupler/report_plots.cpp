@@ -11,6 +11,8 @@
 #include "csv_file.hpp"
 #include "curves.hpp"
 #include "flow_picture.hpp"
+#include "frame_reader.hpp"
+#include "particle_picture.hpp"
 
 namespace estuary::coupler {
 namespace {
@@ -137,13 +139,37 @@ void add_watch(ReportPage& page, const ReportPlaces& places, const ReportScene& 
 
 void add_field_pictures(ReportPage& page, const ReportPlaces& places, const ReportScene& scene,
                         const Gnuplot& gnuplot) {
-  try {
-    const auto picture =
-        draw_flow(places.run, places.pictures / "flow.png", places.work, scene.steady, gnuplot);
-    page.picture(picture.file, picture.caption, true);
-  } catch (const std::exception& error) {
-    page.paragraph(error.what());
+  const auto add = [&](const auto& draw) {
+    try {
+      const Picture picture = draw();
+      page.picture(picture.file, picture.caption, true);
+    } catch (const std::exception& error) {
+      page.paragraph(error.what());
+    }
+  };
+  const auto took_part = [&](const char* role) { return last_frame(places.run / role, "frame").has_value(); };
+  const bool fluid = took_part("fluid");
+  if (fluid || std::filesystem::is_directory(places.run / "fluid")) {
+    add([&] {
+      return draw_flow(places.run, places.pictures / "flow.png", places.work, scene.steady, gnuplot);
+    });
   }
+  const auto first = fluid ? first_frame(places.run / "fluid", "frame") : std::nullopt;
+  if (first && first->file != last_frame(places.run / "fluid", "frame")->file) {
+    add([&] {
+      return draw_flow(places.run, places.pictures / "flow-first.png", places.work, scene.steady, gnuplot,
+                       WhichFrame::first);
+    });
+  }
+  for (const char* role : {"solid", "grains"}) {
+    if (!took_part(role)) continue;
+    add([&] {
+      return draw_particles(places.run, role, places.pictures / fmt::format("{}.png", role), scene.steady,
+                            gnuplot);
+    });
+  }
+  if (!fluid && !took_part("solid") && !took_part("grains"))
+    page.paragraph("No participant left frames, so there is no picture of the fields.");
 }
 
 void add_convergence(ReportPage& page, const ReportPlaces& places, const ReportScene& scene,

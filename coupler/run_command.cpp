@@ -134,10 +134,11 @@ private:
 class Run {
 public:
   Run(const CheckedScene& scene, const std::filesystem::path& folder, bool resume,
-      const std::atomic<int>& interrupts)
+      const std::atomic<int>& interrupts, bool report)
       : scene_(scene),
         folder_(folder),
         interrupts_(interrupts),
+        report_(report),
         bar_(scene.coupling),
         checkpoints_(scene.coupling, folder, scene.resumable) {
     lock_.emplace(made(folder));
@@ -334,8 +335,8 @@ private:
     if (!checks.empty()) fmt::print("\n{}", check_table(checks, end_.wall_s));
     fmt::print("\n{}", timing_table(*participants_, end_.wall_s));
     try {
-      write_report(folder_);
-      fmt::print("\nreport: {}\n", (folder_ / "report.html").string());
+      if (report_) write_report(folder_);
+      if (report_) fmt::print("\nreport: {}\n", (folder_ / "report.html").string());
     } catch (const std::exception& error) {
       fmt::print(stderr, "coupler: no report: {}\n", error.what());
     }
@@ -346,6 +347,7 @@ private:
   const CheckedScene& scene_;
   std::filesystem::path folder_;
   const std::atomic<int>& interrupts_;
+  const bool report_;  // a page at the end
   steady_clock::time_point begin_ = steady_clock::now();  // less what it took before it was resumed
   ProgressBar bar_;
   Checkpoints checkpoints_;
@@ -363,10 +365,10 @@ private:
 }  // namespace
 
 ExitStatus run_scene(const CheckedScene& scene, const std::filesystem::path& folder, bool resume,
-                     const std::atomic<int>& interrupts) {
+                     const std::atomic<int>& interrupts, bool report) {
   std::optional<Run> run;
   try {
-    run.emplace(scene, folder, resume, interrupts);
+    run.emplace(scene, folder, resume, interrupts, report);
   } catch (const std::exception& error) {
     fmt::print(stderr, "coupler: {}\n", error.what());
     return ExitStatus::wrong_scene;

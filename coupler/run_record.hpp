@@ -65,6 +65,9 @@ struct WatchSeries {
 /// Bytes of each file so far, by its name in the run's folder.
 using RecordPosition = std::map<std::string, std::uint64_t>;
 
+/// Watch name -> quantity -> series.
+using WatchRecord = std::map<std::string, std::map<std::string, WatchSeries>>;
+
 class RunRecord {
 public:
   /// Makes the folder's files anew. Throws std::runtime_error when they cannot be written.
@@ -84,10 +87,7 @@ public:
   void add(const v1::WatchSample& sample, std::uint64_t window, std::uint64_t iteration, double time);
 
   [[nodiscard]] const std::vector<WindowRow>& windows() const { return windows_; }
-  /// Watch name -> quantity -> series.
-  [[nodiscard]] const std::map<std::string, std::map<std::string, WatchSeries>>& watches() const {
-    return watches_;
-  }
+  [[nodiscard]] const WatchRecord& watches() const { return watches_; }
 
 private:
   void read_windows();
@@ -100,7 +100,7 @@ private:
   std::ofstream convergence_;
   std::ofstream iterations_;
   std::map<std::string, std::ofstream> watch_files_;
-  std::map<std::string, std::map<std::string, WatchSeries>> watches_;
+  WatchRecord watches_;
   std::vector<WindowRow> windows_;
 };
 

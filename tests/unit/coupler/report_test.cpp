@@ -81,7 +81,7 @@ TEST_F(Report, DrawsFieldsConvergenceAndWatches) {
   run_.write_tables();
   run_.write_frames();
   const auto html = page();
-  EXPECT_EQ(occurrences(html, "src=\"data:image/png;base64,"), 1U);
+  EXPECT_EQ(occurrences(html, "src=\"data:image/png;base64,"), 2U) << "the flow, and the solid's particles";
   EXPECT_EQ(occurrences(html, "src=\"data:image/svg+xml;base64,"), 2U)
       << "convergence and one watch; the other never changes";
   EXPECT_THAT(html, HasSubstr("The same throughout: always = 7."));
