@@ -9,7 +9,9 @@
 #include <sstream>
 
 #include "channel.hpp"
+#include "conform.hpp"
 #include "plan.hpp"
+#include "precice_import.hpp"
 #include "report.hpp"
 #include "run_command.hpp"
 #include "study_command.hpp"
@@ -23,6 +25,21 @@ std::atomic<int> interrupts{0};
 void on_interrupt(int /*signal*/) {
   ++interrupts;
 }
+
+struct TemporarySockets {
+  TemporarySockets() {
+    std::string name = (std::filesystem::temp_directory_path() / "estuary-conform-XXXXXX").string();
+    if (::mkdtemp(name.data()) == nullptr) throw std::runtime_error("cannot make a folder at " + name);
+    path = name;
+  }
+  ~TemporarySockets() {
+    std::error_code ignored;
+    std::filesystem::remove_all(path, ignored);
+  }
+  TemporarySockets(const TemporarySockets&) = delete;
+  TemporarySockets& operator=(const TemporarySockets&) = delete;
+  std::filesystem::path path;
+};
 
 int exit_code(ExitStatus status) {
   return static_cast<int>(status);
@@ -112,6 +129,80 @@ int ping(const std::string& endpoint, double timeout, const std::string& key, co
   }
 }
 
+int conform(ConformTarget target, const std::string& scene, const std::string& launch,
+            const std::vector<std::string>& overrides) {
+  std::optional<CheckedScene> checked;
+  if (scene.empty() != target.role.empty() || (scene.empty() && target.endpoint.empty()) ||
+      (!launch.empty() && !target.endpoint.empty())) {
+    fmt::print(
+        stderr,
+        "coupler conform: give an ADDRESS, or --scene and --role with an ADDRESS, with --launch, or with "
+        "neither for the scene's own solver\n");
+    return exit_code(ExitStatus::wrong_scene);
+  }
+  const TemporarySockets temporary;
+  target.folder = temporary.path;
+  if (!scene.empty()) {
+    std::vector<std::string> changed = overrides;
+    if (!launch.empty()) changed.push_back(fmt::format("{}.solver=\"{}\"", target.role, launch));
+    checked = checked_scene(scene, changed);
+    if (!checked) return exit_code(ExitStatus::wrong_scene);
+    const ParticipantScene* participant = checked->coupling.find(target.role);
+    if (participant == nullptr) {
+      fmt::print(stderr, "{}: the scene has no participant '{}'\n", scene, target.role);
+      return exit_code(ExitStatus::wrong_scene);
+    }
+    if (target.endpoint.empty()) {
+      target.endpoint = participant->endpoint;
+      target.command = participant->command;
+    }
+  }
+  try {
+    const Examination examination = examine(checked ? &*checked : nullptr, target, interrupts);
+    fmt::print("{}", text_of(examination));
+    return exit_code(status_of(examination));
+  } catch (const RunFailure& failure) {
+    fmt::print(stderr, "coupler: {}\n", failure.what());
+    return exit_code(failure.status);
+  }
+}
+
+int import(const std::string& path, const std::string& out, const std::vector<std::string>& roles) {
+  std::map<std::string, std::string> chosen;
+  for (const std::string& entry : roles) {
+    const std::size_t equals = entry.find('=');
+    const std::string role = equals == std::string::npos ? std::string() : entry.substr(equals + 1);
+    if (role != "fluid" && role != "solid" && role != "grains") {
+      fmt::print(stderr, "--role {}: expected PARTICIPANT=fluid, solid or grains\n", entry);
+      return exit_code(ExitStatus::wrong_scene);
+    }
+    chosen[entry.substr(0, equals)] = role;
+  }
+  std::ifstream file(path);
+  std::ostringstream text;
+  if (file) text << file.rdbuf();
+  if (!file || !text) {
+    fmt::print(stderr, "{}: cannot be read\n", path);
+    return exit_code(ExitStatus::wrong_scene);
+  }
+  try {
+    const PreciceImport imported = import_precice(path, text.str(), chosen);
+    for (const auto& note : imported.notes) fmt::print(stderr, "{}\n", note);
+    if (out.empty()) {
+      fmt::print("{}", imported.scene);
+      return exit_code(ExitStatus::done);
+    }
+    std::ofstream scene(out);
+    scene << imported.scene;
+    scene.close();
+    if (!scene) throw std::runtime_error(out + ": cannot be written");
+    return exit_code(ExitStatus::done);
+  } catch (const std::runtime_error& error) {
+    fmt::print(stderr, "{}\n", error.what());
+    return exit_code(ExitStatus::wrong_scene);
+  }
+}
+
 int report(const std::string& folder) {
   try {
     write_report(folder);
@@ -193,6 +284,28 @@ int main(int argc, char** argv) {
   auto* keys_command = app.add_subcommand("keys", "Make a CurveZMQ key pair: NAME.key and NAME.pub");
   std::string base;
   keys_command->add_option("name", base, "Path of the files without their endings")->required();
+  auto* import_command = app.add_subcommand("import", "Make a scene of a preCICE configuration");
+  std::string configuration, import_out;
+  std::vector<std::string> import_roles;
+  import_command->add_option("configuration", configuration, "precice-config.xml")->required();
+  import_command->add_option("--out", import_out, "The scene to write; standard output by default");
+  import_command->add_option("--role", import_roles, "PARTICIPANT=fluid, solid or grains; may be repeated")
+      ->take_all()
+      ->allow_extra_args(false);
+  auto* conform_command =
+      app.add_subcommand("conform", "Drive a participant through its life and print what holds");
+  ConformTarget target;
+  std::string launch, conform_scene;
+  conform_command->add_option("endpoint", target.endpoint, "Address of a running participant");
+  conform_command->add_option("--launch", launch, "Command that starts the participant");
+  conform_command->add_option("--scene", conform_scene, "The scene it is configured for");
+  conform_command->add_option("--role", target.role, "The scene's table it serves: fluid, solid, grains");
+  conform_command->add_option("--set", overrides, "Change a value of the scene")
+      ->take_all()
+      ->allow_extra_args(false);
+  conform_command->add_option("--timeout", target.timeout, "Longest wait for an answer [s]")
+      ->capture_default_str();
+  conform_command->add_option("--pressure", target.pressure, "Loads a solid [Pa]")->capture_default_str();
   try {
     app.parse(argc, argv);
   } catch (const CLI::ParseError& error) {
@@ -204,6 +317,8 @@ int main(int argc, char** argv) {
     if (*study_command) return exit_code(run_study(study, interrupts));
     if (*report_command) return report(folder);
     if (*keys_command) return make_keys(base);
+    if (*import_command) return import(configuration, import_out, import_roles);
+    if (*conform_command) return conform(target, conform_scene, launch, overrides);
     return ping(endpoint, timeout, key, server_key, insecure);
   } catch (const std::exception& error) {
     fmt::print(stderr, "coupler: {}\n", error.what());

@@ -12,6 +12,7 @@
 
 #include "elapsed.hpp"
 #include "failure.hpp"
+#include "requirements.hpp"
 
 namespace estuary::coupler {
 namespace {
@@ -20,6 +21,9 @@ using std::chrono::steady_clock;
 
 // How often a wait looks at everything that is not a message: children that ended, silence, an interrupt.
 constexpr std::chrono::milliseconds look_round{20};
+const char* const other_protocol =
+    "build the solver with the messages of this coupler (proto/estuary/v1), or run the coupler it was built "
+    "for";
 // A reply that has not come although the participant says it is idle was lost; ask again.
 constexpr double ask_again_after = 1.0;
 // How long a process that runs on this machine may be silent.
@@ -49,6 +53,8 @@ ExitStatus status_of(v1::Error::Kind kind) {
     case v1::Error::DIVERGED:
     case v1::Error::NOT_CONVERGED:
       return ExitStatus::no_solution;
+    case v1::Error::VERSION:
+      return ExitStatus::wrong_scene;
     default:
       return ExitStatus::participant_lost;
   }
@@ -243,26 +249,16 @@ void Participants::greet(RemoteParticipant& participant) {
   v1::Request hello;
   hello.mutable_hello();
   const v1::Reply reply = ask(participant, std::move(hello), {});
-  participant.identity_ = reply.welcome();
-  const auto& welcome = participant.identity_;
-  const auto can = [&](const char* capability) {
-    return std::find(welcome.capabilities().begin(), welcome.capabilities().end(), capability) !=
-           welcome.capabilities().end();
-  };
-  participant.accepts_in_advance_ = can("advance-accepts");
-  if (can("direct-line")) participant.channel_.open_direct_line();
   if (!reply.has_welcome()) {
     throw RunFailure(ExitStatus::participant_lost,
                      fmt::format("{}: {} answered Hello with something else than Welcome", participant.role(),
                                  participant.channel_.endpoint()));
   }
-  if (std::find(welcome.roles().begin(), welcome.roles().end(), participant.role()) ==
-      welcome.roles().end()) {
-    throw RunFailure(ExitStatus::wrong_scene,
-                     fmt::format("{}: {} {} at {} cannot play this part; it can be: {}", participant.role(),
-                                 welcome.name(), welcome.version(), participant.channel_.endpoint(),
-                                 fmt::join(welcome.roles(), ", ")));
-  }
+  participant.identity_ = reply.welcome();
+  const auto& welcome = participant.identity_;
+  require(scene_, participant.role(), welcome, participant.channel_.endpoint());
+  participant.accepts_in_advance_ = can(welcome, "advance-accepts");
+  if (can(welcome, "direct-line")) participant.channel_.open_direct_line();
   spdlog::info("{}: {} {} at {}, process {}", participant.role(), welcome.name(), welcome.version(),
                participant.channel_.endpoint(), welcome.process());
 }
@@ -283,9 +279,11 @@ void Participants::listen(RemoteParticipant& participant) {
       continue;
     }
     if (reply->header().protocol_version() != protocol_version) {
-      throw RunFailure(ExitStatus::participant_lost,
-                       fmt::format("participant '{}' speaks protocol version {}, this coupler {}",
-                                   participant.role(), reply->header().protocol_version(), protocol_version));
+      throw RunFailure(ExitStatus::wrong_scene,
+                       fmt::format("{}: the participant at {} speaks protocol version {}, this coupler {}",
+                                   participant.role(), participant.channel_.endpoint(),
+                                   reply->header().protocol_version(), protocol_version),
+                       other_protocol);
     }
     // Any other is the repeated answer to a repeated question: already known.
     if (participant.awaited_ == 0 || reply->header().sequence() != participant.awaited_) continue;
@@ -372,7 +370,8 @@ v1::Reply Participants::take_reply(RemoteParticipant& participant, const v1::Req
         fmt::format("participant '{}' at {}, in phase {}{}: {}", participant.role(), at(position),
                     phase_name(request),
                     error.field().empty() ? "" : fmt::format(", field {}", error.field()), error.message()),
-        error.advice(), status_of(error.kind()) == ExitStatus::no_solution);
+        error.kind() == v1::Error::VERSION ? other_protocol : error.advice(),
+        status_of(error.kind()) == ExitStatus::no_solution);
   }
   if (reply.has_advanced()) participant.work_ = reply.advanced().work();
   if (reply.has_started() && !participant.child_) participant.started_ = reply.started();

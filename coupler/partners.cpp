@@ -126,6 +126,12 @@ void Partners::take_surface(v1::Exchange& for_others) {
     throw RunFailure(ExitStatus::participant_lost,
                      fmt::format("participant 'solid', in phase start: {}", error.what()));
   }
+  if (surface_.dimension() != static_cast<std::uint32_t>(scene_.dimension)) {
+    throw RunFailure(ExitStatus::wrong_scene,
+                     fmt::format("participant 'solid' brings a wet surface in {} dimensions to a scene in {}",
+                                 surface_.dimension(), scene_.dimension),
+                     "the scene's `dimension` and the solver's own must be the same");
+  }
   initial_.motion = checked_motion(*solid_.participant, for_others, surface_, position_);
   initial_.forces.assign(initial_.motion.displacement.size(), 0.0);
 }

@@ -14,7 +14,8 @@ Identity Fluid::identity() const {
   return {.name = "fluid-lbm",
           .version = ESTUARY_VERSION,
           .roles = {"fluid"},
-          .capabilities = {"steady", "transient", "wet-surface", "viscous-traction", "grains", "checkpoint"},
+          .capabilities = {"steady", "transient", "wet-surface", "viscous-traction", "grains", "rewind",
+                           "checkpoint"},
           .dimensions = {2, 3}};
 }
 

@@ -40,7 +40,7 @@ Identity Grains::identity() const {
   return {.name = "grains-dem",
           .version = ESTUARY_VERSION,
           .roles = {"grains"},
-          .capabilities = {"transient", "steady", "grains", "wet-surface"},
+          .capabilities = {"transient", "steady", "grains", "wet-surface", "rewind", "checkpoint"},
           .dimensions = {2, 3}};
 }
 
@@ -94,6 +94,10 @@ v1::Exchange Grains::start(const v1::Exchange& initial, const std::filesystem::p
 
 void Grains::take_inputs(const v1::Exchange& inputs) {
   const std::size_t n = medium_->bodies();
+  if (scene_.coupled_to_fluid && !inputs.has_grain_forces())
+    throw BadInput("inputs.grain_forces", "the forces of the fluid are missing");
+  if (scene_.coupled_to_solid && !inputs.has_displacements())
+    throw BadInput("inputs.displacements", "the motion of the wet surface is missing");
   if (inputs.has_grain_forces()) {
     if (!scene_.coupled_to_fluid)
       throw BadInput("inputs.grain_forces", "forces of a fluid were sent, but the scene has no [fluid]");

@@ -28,7 +28,7 @@ struct Identity {
   std::string name;  // of the program
   std::string version;
   std::vector<std::string> roles;         // scene tables it can serve
-  std::vector<std::string> capabilities;  // "steady", "transient", "wet-surface", ...
+  std::vector<std::string> capabilities;  // "steady", "rewind", ...: protocol.proto, Welcome
   std::vector<std::uint32_t> dimensions;
 };
 

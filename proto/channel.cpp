@@ -232,6 +232,12 @@ void ClientChannel::send(const v1::Request& request) {
   ++messages_;
 }
 
+void ClientChannel::send_bytes(std::string_view bytes) {
+  zmq::message_t frame(bytes.data(), bytes.size());
+  if (!socket_->socket.send(frame, zmq::send_flags::none))
+    throw ChannelError(fmt::format("'{}' takes no messages", endpoint_));
+}
+
 // A line that is closed says nothing about why: the channel, the process and its progress do. A reply that
 // was lost with it is asked for again.
 std::optional<v1::Reply> ClientChannel::receive_over_line() {

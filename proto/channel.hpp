@@ -12,6 +12,7 @@
 #include <span>
 #include <stdexcept>
 #include <string>
+#include <string_view>
 
 #include "curve_keys.hpp"
 #include "estuary/v1/protocol.pb.h"
@@ -57,6 +58,8 @@ public:
 
   /// Throws ChannelError when the message is too large.
   void send(const v1::Request& request);
+  /// Bytes that need not be a Request, to see what a participant makes of them.
+  void send_bytes(std::string_view bytes);
   /// The next message, or nothing when `timeout` passes. Throws ChannelError when it cannot be read as a
   /// Reply.
   [[nodiscard]] std::optional<v1::Reply> receive(std::chrono::milliseconds timeout);

@@ -46,7 +46,7 @@ Identity Solid::identity() const {
   return {.name = "solid-sph",
           .version = ESTUARY_VERSION,
           .roles = {"solid"},
-          .capabilities = {"steady", "transient", "wet-surface"},
+          .capabilities = {"steady", "transient", "wet-surface", "rewind", "checkpoint"},
           .dimensions = {2}};
 }
 
@@ -177,6 +177,8 @@ void Solid::take_forces(const Window& window, const v1::Exchange& inputs) {
     return;
   }
   // A solid running alone is given none.
+  if (scene_.coupled && !inputs.has_forces())
+    throw BadInput("inputs.forces", "the forces on the wet surface are missing");
   if (inputs.has_forces()) {
     try {
       check_forces(inputs.forces(), surface_);

@@ -242,6 +242,7 @@ SolidScene read_solid_scene(Scene& scene, const std::string& role) {
       result.end_time = coupling->number("end_time", Range::positive());
     }
   }
+  result.coupled = root.has("fluid") || root.has("grains");
   SceneTable solid = root.table(role);
   solid.leave_to_others({"solver", "connect", "threads"});
   read_bodies(solid, result);

@@ -151,8 +151,9 @@ struct SolidScene {
   EquilibriumSettings steady;
   WindowLoad window_load = WindowLoad::mean;
   Mode mode = Mode::steady;
-  double window = 0;    // [s]
-  double end_time = 0;  // [s]
+  bool coupled = false;  // another participant acts on the wet surface
+  double window = 0;     // [s]
+  double end_time = 0;   // [s]
 
   [[nodiscard]] bool plastic() const { return law == LawName::j2_plasticity; }
   [[nodiscard]] bool single_box() const {

@@ -29,7 +29,8 @@ constexpr std::uint64_t surface_identity = 77;
 class LinearParticipant final : public Participant {
 public:
   Identity identity() const override {
-    return {"linear-participant", "1", {"fluid", "solid"}, {"steady", "transient", "wet-surface"}, {2}};
+    return {
+        "linear-participant", "1", {"fluid", "solid"}, {"steady", "transient", "wet-surface", "rewind"}, {2}};
   }
 
   Plan configure(Scene& scene, const std::string& role) override {
