@@ -194,7 +194,7 @@ class CalculiX(Case):
         scene = SOURCE / "configs/solid/cantilever-large.toml"
         done = self.run_scene(scene, "--set", "solid.solver=calculix-solid", "--set", "solid.elements_across=1")
         self.assertEqual(done.returncode, 0, done.all)
-        self.assertAlmostEqual(self.summary()["watch"]["tip"]["displacement_y"]["last"] / 0.081061, 1.0, delta=0.01)
+        self.assertAlmostEqual(self.summary()["watch"]["tip"]["displacement_y"]["last"] / 0.08256, 1.0, delta=0.01)  # solid-sph and CalculiX on fine meshes
 
     def test_keeps_the_contract_and_says_where_it_cannot(self):
         fin = SOURCE / "configs/fsi/elastic-fin.toml"
