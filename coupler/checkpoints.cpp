@@ -6,6 +6,7 @@
 
 #include <algorithm>
 #include <array>
+#include <cstdio>
 #include <ctime>
 #include <fstream>
 #include <nlohmann/json.hpp>
@@ -136,7 +137,7 @@ bool Checkpoints::write(Participants& participants, const Position& position, Co
     const std::string line = fmt::format("no checkpoint of window {}: {}{}", set.window, why,
                                          newest_ ? fmt::format("; that of window {} stays", *newest_) : "");
     spdlog::warn("{}", line);
-    fmt::print(stderr, "coupler: {}\n", line);
+    std::fputs(fmt::format("coupler: {}\n", line).c_str(), stderr);
     return false;
   };
   try {

@@ -5,6 +5,7 @@
 #include <CLI/CLI.hpp>
 #include <atomic>
 #include <csignal>
+#include <cstdio>
 #include <fstream>
 #include <sstream>
 
@@ -321,7 +322,7 @@ int main(int argc, char** argv) {
     if (*conform_command) return conform(target, conform_scene, launch, overrides);
     return ping(endpoint, timeout, key, server_key, insecure);
   } catch (const std::exception& error) {
-    fmt::print(stderr, "coupler: {}\n", error.what());
+    std::fputs(fmt::format("coupler: {}\n", error.what()).c_str(), stderr);
     return exit_code(ExitStatus::wrong_scene);
   }
 }

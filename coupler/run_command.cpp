@@ -10,6 +10,7 @@
 #include <algorithm>
 #include <cerrno>
 #include <chrono>
+#include <cstdio>
 #include <cstring>
 #include <fstream>
 #include <memory>
@@ -29,6 +30,12 @@ namespace estuary::coupler {
 namespace {
 
 using std::chrono::steady_clock;
+
+// To standard error. Where that is a file on a full disk there is nobody to tell, and nothing to throw for.
+template <typename... Arguments>
+void tell_person(fmt::format_string<Arguments...> text, Arguments&&... arguments) {
+  std::fputs(fmt::format(text, std::forward<Arguments>(arguments)...).c_str(), stderr);
+}
 
 // Time a participant has to end by itself: after a good run it may still close files; after a failure nobody
 // waits.
@@ -102,8 +109,7 @@ const char* status_text(ExitStatus status) {
 
 void warn_of_insecurity() {
   const bool terminal = ::isatty(STDERR_FILENO) == 1;
-  fmt::print(
-      stderr,
+  tell_person(
       "{}INSECURE: the scene says insecure = true: whoever reaches an address of this run can read and "
       "change it{}\n",
       terminal ? "\033[1;31m" : "", terminal ? "\033[0m" : "");
@@ -196,7 +202,7 @@ private:
   void say(const std::string& line) {
     bar_.clear();
     spdlog::warn("{}", line);
-    fmt::print(stderr, "coupler: {}\n", line);
+    tell_person("coupler: {}\n", line);
   }
 
   void find_checkpoints() {
@@ -304,13 +310,12 @@ private:
     end_.wall_s = wall_seconds();
     if (participants_) participants_->stop(end_quickly);
     spdlog::error("{}", failure.what());
-    fmt::print(stderr, "coupler: {}\n", failure.what());
-    if (!failure.advice.empty()) fmt::print(stderr, "         {}\n", failure.advice);
-    fmt::print(stderr, "         what was computed until then is in {}\n", folder_.string());
+    tell_person("coupler: {}\n", failure.what());
+    if (!failure.advice.empty()) tell_person("         {}\n", failure.advice);
+    tell_person("         what was computed until then is in {}\n", folder_.string());
     if (const auto window = checkpoints_.newest_window())
-      fmt::print(stderr,
-                 "         saved after window {}: the same command with --resume goes on from there\n",
-                 *window);
+      tell_person("         saved after window {}: the same command with --resume goes on from there\n",
+                  *window);
   }
 
   ExitStatus finish(ExitStatus status) {
@@ -338,7 +343,7 @@ private:
       if (report_) write_report(folder_);
       if (report_) fmt::print("\nreport: {}\n", (folder_ / "report.html").string());
     } catch (const std::exception& error) {
-      fmt::print(stderr, "coupler: no report: {}\n", error.what());
+      tell_person("coupler: no report: {}\n", error.what());
     }
     for (const auto& participant : scene_.coupling.participants)
       fmt::print("fields: {}\n", (folder_ / participant.role).string());
@@ -370,14 +375,14 @@ ExitStatus run_scene(const CheckedScene& scene, const std::filesystem::path& fol
   try {
     run.emplace(scene, folder, resume, interrupts, report);
   } catch (const std::exception& error) {
-    fmt::print(stderr, "coupler: {}\n", error.what());
+    tell_person("coupler: {}\n", error.what());
     return ExitStatus::wrong_scene;
   }
   try {
     return run->carry_out();
   } catch (const std::exception& error) {
     // The run's own folder can no longer be written: nothing more can be kept.
-    fmt::print(stderr, "coupler: {}\n", error.what());
+    tell_person("coupler: {}\n", error.what());
     return ExitStatus::participant_lost;
   }
 }

@@ -145,7 +145,6 @@ void Dynamics<D>::after_rebuild() {
   block_ledger_.resize(blocks);
   block_work_.resize(blocks);
   block_displacement_.resize(blocks);
-  wall_moved_ = 0;
 }
 
 template <int D>
@@ -163,6 +162,7 @@ void Dynamics<D>::rebuild() {
           values[per_grain * i + c] = old[per_grain * origin_[i] + c];
     }
   after_rebuild();
+  state_.wall_moved = 0;
   ++rebuilds_;
 }
 
@@ -170,7 +170,7 @@ template <int D>
 void Dynamics<D>::rebuild_if_due(double displacement_squared) {
   const double displacement = std::sqrt(displacement_squared);
   // Also when it is not a number.
-  if (std::max(2 * displacement, displacement + wall_moved_) <= settings_.skin) return;
+  if (std::max(2 * displacement, displacement + state_.wall_moved) <= settings_.skin) return;
   const bool jumped = displacement > settings_.skin + smallest_radius_;
   if (jumped) {
     check_finite();
@@ -216,7 +216,7 @@ void Dynamics<D>::move_walls(double dt) {
         moved = std::max(moved, dt * std::hypot(wall.node_velocity[k], wall.node_velocity[k + 1]));
       }
   }
-  wall_moved_ += moved;
+  state_.wall_moved += moved;
 }
 
 template <int D>
@@ -388,8 +388,8 @@ void Dynamics<D>::restore(const Snapshot& snapshot) {
   bonds_ = snapshot.bonds;
   walls_ = snapshot.walls;
   after_rebuild();
-  gear_position_.clear();
-  gear_angle_.clear();
+  gear_position_ = snapshot.gear_position;
+  gear_angle_ = snapshot.gear_angle;
 }
 
 template class Dynamics<2>;

@@ -102,8 +102,9 @@ public:
     State<D> state;
     Bonds<D> bonds;
     std::vector<Wall<D>> walls;
+    std::vector<std::vector<double>> gear_position, gear_angle;
   };
-  [[nodiscard]] Snapshot snapshot() const { return {state_, bonds_, walls_}; }
+  [[nodiscard]] Snapshot snapshot() const { return {state_, bonds_, walls_, gear_position_, gear_angle_}; }
   void restore(const Snapshot& snapshot);
   /// Sets the reference of the energy audit to now.
   void begin_audit();
@@ -140,7 +141,6 @@ private:
   std::vector<EnergyLedger> block_ledger_;
   std::vector<double> block_work_, block_displacement_;
   double smallest_radius_ = 0;
-  double wall_moved_ = 0;  // since the last rebuild [m]
   bool external_torque_ = false;
   double energy_at_start_ = 0, ledger_at_start_ = 0;
   std::uint64_t rebuilds_ = 0;

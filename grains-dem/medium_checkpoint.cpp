@@ -59,10 +59,17 @@ void GranularMedium<D>::save(const std::filesystem::path& file) const {
   writer.add("bond_shear", bonds.shear);
   writer.add("bond_turn", bonds.turn);
   writer.add("bond_broken", bonds.broken);
-  const std::array<double, 8> numbers{
+  const std::array<double, 10> numbers{
       state.time,         state.ledger.normal, state.ledger.tangential, state.ledger.rolling,
-      state.ledger.given, state.external_work, state.bond_loss,         dynamics_->energy_at_start()};
+      state.ledger.given, state.external_work, state.bond_loss,         dynamics_->energy_at_start(),
+      state.wall_moved,   first_contact_};
   writer.add("numbers", numbers);
+  const typename Dynamics<D>::Snapshot snapshot = dynamics_->snapshot();
+  writer.add("gear_terms", static_cast<std::uint64_t>(snapshot.gear_position.size()));
+  for (std::size_t k = 0; k < snapshot.gear_position.size(); ++k) {
+    writer.add(fmt::format("gear_position_{}", k), snapshot.gear_position[k]);
+    writer.add(fmt::format("gear_angle_{}", k), snapshot.gear_angle[k]);
+  }
   if (!virtual_mass_.empty()) {
     writer.add("acceleration", acceleration_);
     writer.add("turning", turning_);
@@ -163,7 +170,7 @@ void GranularMedium<D>::load(const std::filesystem::path& file) {
   reader.read("bond_shear", bonds.shear);
   reader.read("bond_turn", bonds.turn);
   reader.read("bond_broken", bonds.broken);
-  std::array<double, 8> numbers{};
+  std::array<double, 10> numbers{};
   reader.read("numbers", numbers);
   if (!virtual_mass_.empty()) {
     for (auto [name, values] : std::initializer_list<std::pair<const char*, std::vector<double>*>>{
@@ -176,6 +183,16 @@ void GranularMedium<D>::load(const std::filesystem::path& file) {
   state.ledger = {numbers[1], numbers[2], numbers[3], numbers[4]};
   state.external_work = numbers[5];
   state.bond_loss = numbers[6];
+  state.wall_moved = numbers[8];
+  first_contact_ = numbers[9];
+  const std::size_t gear_terms = reader.read_count("gear_terms");
+  if (gear_terms > 16) throw std::runtime_error(file.string() + " holds too many derivatives");
+  snapshot.gear_position.assign(gear_terms, std::vector<double>(state.velocity.size()));
+  snapshot.gear_angle.assign(gear_terms, std::vector<double>(state.spin.size()));
+  for (std::size_t k = 0; k < gear_terms; ++k) {
+    reader.read(fmt::format("gear_position_{}", k), snapshot.gear_position[k]);
+    reader.read(fmt::format("gear_angle_{}", k), snapshot.gear_angle[k]);
+  }
   dynamics_->restore(snapshot);
   dynamics_->set_energy_at_start(numbers[7]);
 }

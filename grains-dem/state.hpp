@@ -65,6 +65,8 @@ struct State {
   std::vector<double> wall_history;       // history_size per wall contact
   std::vector<double> wall_travel;        // per wall: displacement since the start, D each [m]
 
+  double wall_moved = 0;  // largest way of a wall since the last rebuild [m]
+
   double time = 0;
   EnergyLedger ledger;
   double external_work = 0;  // of forces given from outside (the fluid) [J]

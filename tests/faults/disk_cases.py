@@ -1,5 +1,8 @@
-"""Checkpoints that cannot be written, and what many windows leave behind."""
+"""Disks that are full, and what many windows leave behind."""
 import os
+import signal
+import subprocess
+import time
 
 from driver import Run, expect, expect_same, finished, summary
 
@@ -17,6 +20,38 @@ def case_checkpoint_that_cannot_be_written(place):
     run.expect_end(0, "no checkpoint of window")
     expect_same(out, undisturbed)
     expect(summary(out)["recovery"]["checkpoints"] == 0, run.said())
+
+
+def case_disk_full(place):
+    """While tables, frames and checkpoints are written; with room again the run goes on."""
+    small = place.folder / "small"
+    small.mkdir()
+    if subprocess.run(["mount", "-t", "tmpfs", "-o", "size=1m", "tmpfs", str(small)], capture_output=True).returncode:
+        return "NOT TESTED: this machine lets us mount no small disk"
+    try:
+        scene = place.springs(end=6.0, fluid="seconds = 0.01")
+        text = scene.read_text() + "[output]\\nframe_interval = 1\\n".replace("\\n", "\n")
+        scene.write_text(text)
+        undisturbed = place.folder / "undisturbed"
+        finished(scene, undisturbed)
+        out = small / "out"  # what is said goes to that disk as well
+        run = Run(scene, out)
+        run.wait_for_window(13)
+        with open(small / "filler", "wb", buffering=0) as filler:
+            try:
+                while True:
+                    filler.write(b"x" * 4096)
+            except OSError:
+                pass
+        status = run.end()
+        said = run.said()
+        os.remove(small / "filler")
+        expect(status == 4, f"exit status {status}: {said}")
+        expect("full" in run.log() or "space" in run.log() or not said, f"{said}\n{run.log()[-2000:]}")
+        finished(scene, out, "--resume", line="goes on after window")
+        expect_same(out, undisturbed)
+    finally:
+        subprocess.run(["umount", "--lazy", str(small)], check=False)
 
 
 def case_many_exchanges(place, windows=4000):

@@ -19,12 +19,13 @@ import time
 from driver import Failure, Place, expect
 import disk_cases
 import message_cases
+import phase_cases
 import recovery_cases
 import security_cases
 import scenes
 
 CASES = {}
-for module in (recovery_cases, message_cases, security_cases, disk_cases):
+for module in (recovery_cases, phase_cases, message_cases, security_cases, disk_cases):
     CASES.update({name[5:]: value for name, value in vars(module).items() if name.startswith("case_")})
 
 

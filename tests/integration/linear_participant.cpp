@@ -12,6 +12,8 @@
 #include <chrono>
 #include <cmath>
 #include <csignal>
+#include <filesystem>
+#include <fstream>
 #include <limits>
 #include <thread>
 
@@ -46,12 +48,20 @@ public:
       largest_displacement_ = table.number_or("largest_displacement", 1e300, Range::positive());
     }
     seconds_ = table.number_or("seconds", 0.0, Range::not_negative());
+    dwell_ = table.text_or("dwell", "");
+    dwell_mark_ = table.text_or("dwell_mark", "");
     constexpr std::array<std::string_view, 6> kinds = {"none",      "nan",          "crash",
                                                        "exception", "wrong-length", "hang"};
     misbehaviour_ = table.choice("misbehaviour", kinds);
     at_window_ = static_cast<std::uint64_t>(table.integer_or("at_window", 1, 1, 1'000'000));
     at_iteration_ = static_cast<std::uint64_t>(table.integer_or("at_iteration", 1, 1, 1'000'000));
     table.refuse_unknown_keys();
+    // The first time it is asked, its table is only checked.
+    if (dwell_ == "configure" && !std::filesystem::exists(dwell_mark_ + ".checked")) {
+      std::ofstream(dwell_mark_ + ".checked") << "checked";
+    } else {
+      dwell("configure");
+    }
     Plan plan;
     plan.derived.emplace_back("stiffness", fmt::format("{} N/m", stiffness_));
     plan.variant = "linear";
@@ -60,6 +70,7 @@ public:
 
   v1::Exchange start(const v1::Exchange& initial, const std::filesystem::path& folder) override {
     folder_ = folder;
+    dwell("start");
     v1::Exchange brought;
     if (role_ == "solid") {
       surface_.set_identity(surface_identity);
@@ -85,6 +96,7 @@ public:
 
   AdvanceResult advance(const Window& window, const v1::Exchange& inputs, ProgressBoard& progress) override {
     const bool now = window.number == at_window_ && window.iteration == at_iteration_;
+    if (now) dwell("advance");
     if (now && misbehaviour_ == "crash") std::raise(SIGKILL);
     if (now && misbehaviour_ == "exception")
       throw Diverged("velocity", "speed 12 at cell (3, 4)", "a smaller time step");
@@ -124,12 +136,20 @@ public:
     return result;
   }
 
-  void accept() override {}
+  void accept() override { dwell("accept"); }
   // It has no state: its answers belong to the window's inputs alone.
-  void save(const std::filesystem::path& file) override { CheckpointWriter(file).commit(); }
-  void load(const std::filesystem::path& file) override { const CheckpointReader reader(file); }
+  void save(const std::filesystem::path& file) override {
+    dwell("save");
+    CheckpointWriter(file).commit();
+  }
+  void load(const std::filesystem::path& file) override {
+    dwell("load");
+    const CheckpointReader reader(file);
+  }
+  void stop() override { dwell("stop"); }
 
   std::vector<std::string> frame(std::uint64_t number, double /*time*/) override {
+    dwell("frame");
     const std::string name = fmt::format("{}-{:06}.hdf", role_, number);
     const std::vector<double> positions(surface_.reference_positions().begin(),
                                         surface_.reference_positions().end());
@@ -138,6 +158,12 @@ public:
   }
 
 private:
+  // The first time it comes to `phase` it says so and stays there for long, for somebody to disturb it.
+  void dwell(const std::string& phase) const {
+    if (dwell_ != phase || std::filesystem::exists(dwell_mark_)) return;
+    std::ofstream(dwell_mark_) << phase;
+    std::this_thread::sleep_for(std::chrono::seconds(20));
+  }
   static v1::Displacements motion(const std::vector<double>& displacement) {
     v1::Displacements message;
     message.set_surface(surface_identity);
@@ -148,6 +174,8 @@ private:
 
   std::string role_;
   std::string misbehaviour_;
+  std::string dwell_;
+  std::string dwell_mark_;
   std::filesystem::path folder_;
   v1::WetSurface surface_;
   double pressure_ = 0;
