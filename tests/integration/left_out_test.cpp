@@ -35,7 +35,9 @@ std::set<std::string> children_of(pid_t process) {
     std::string name;
     std::string state;
     pid_t parent = 0;
-    if (stat >> number >> name >> state >> parent && parent == process) names.insert(name);
+    // A child still has the coupler's name until it becomes the program that it launches.
+    if (stat >> number >> name >> state >> parent && parent == process && name != "(coupler)")
+      names.insert(name);
   }
   return names;
 }

@@ -110,7 +110,7 @@ TEST_F(Report, CanBeMadeAgain) {
 
 TEST_F(Report, SaysThatThereAreNoFrames) {
   run_.write_tables();
-  EXPECT_THAT(page(), HasSubstr("left no frames"));
+  EXPECT_THAT(page(), HasSubstr("No participant left frames"));
 }
 
 TEST_F(Report, SaysThatAFrameIsDamaged) {
