@@ -230,7 +230,15 @@ void add_study_options(CLI::App& command, StudyOptions& study) {
       command.add_flag("--collect", study.collect, "Run nothing: make the tables of what is there");
   slurm->excludes(cell)->excludes(collect);
   cell->excludes(collect);
-  command.add_option("--against", study.against, "An earlier study.csv (limits.csv of a bisection): exit 1 when an error grew or less holds")
+  command
+      .add_flag("--retime", study.retime,
+                "Run again what was run before: for times of a machine that is free now")
+      ->excludes(slurm)
+      ->excludes(cell)
+      ->excludes(collect);
+  command
+      .add_option("--against", study.against,
+                  "An earlier study.csv (limits.csv of a bisection): exit 1 when an error grew or less holds")
       ->check(CLI::ExistingFile);
   command.add_option("--allow", study.allowed_growth, "Growth of an error that --against allows, relative")
       ->check(CLI::NonNegativeNumber)

@@ -6,9 +6,8 @@
 #include <cmath>
 #include <map>
 
-#include "environment.hpp"
-#include "report_page.hpp"
 #include "stability_plots.hpp"
+#include "study_page.hpp"
 #include "study_table.hpp"
 #include "whole_file.hpp"
 
@@ -223,12 +222,7 @@ void write_stability(const StudyScene& study, const StabilityMap& map, const std
   }
   add_lies(page, map);
   add_judged_runs(page, study, map);
-  page.heading("Environment");
-  page.table({"", ""}, environment_rows());
-  page.heading("Study");
-  page.folded(study.file.filename().string(), read_whole(study.file));
-  page.folded(study.scene.filename().string(), read_whole(study.scene));
-  write_whole(folder / "study.html", page.html());
+  finish_study_page(page, study, folder);
 }
 
 }  // namespace estuary::coupler

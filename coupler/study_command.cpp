@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <iterator>
 #include <mutex>
+#include <utility>
 
 #include "slurm_array.hpp"
 #include "stability_page.hpp"
@@ -85,7 +86,15 @@ ExitStatus ladder(const StudyScene& study, const StudyOptions& options, const St
     const auto known =
         std::count_if(cells.begin(), cells.end(), [](const auto& cell) { return !cell.runs.empty(); });
     if (known > 0) say(fmt::format("{} of {} settings have been run before", known, cells.size()));
+    std::vector<std::vector<StudyRun>> earlier(cells.size());
+    if (options.retime) {
+      for (std::size_t k = 0; k < cells.size(); ++k) earlier[k] = std::exchange(cells[k].runs, {});
+    }
     runner.run_all(cells, study.repeats);
+    // An interrupt leaves the times that were known.
+    for (std::size_t k = 0; k < cells.size(); ++k) {
+      if (cells[k].runs.empty()) cells[k].runs = std::move(earlier[k]);
+    }
   }
   const auto all = study_results(study, store, cells);
   write_study(study, all, options.folder);
@@ -159,6 +168,11 @@ ExitStatus run_study(const StudyOptions& given, const std::atomic<int>& interrup
   if (options.cell && *options.cell >= tasks) {
     fmt::print(stderr, "{}: there is no cell {}; it has {}, counted from 0\n", study->file.string(),
                *options.cell, tasks);
+    return ExitStatus::wrong_scene;
+  }
+  if (options.retime && study->mode == StudyMode::stability) {
+    fmt::print(stderr, "{}: --retime is for studies of errors; a map of stability has no times to compare\n",
+               study->file.string());
     return ExitStatus::wrong_scene;
   }
   return study->mode == StudyMode::error ? ladder(*study, options, store, runner, interrupt)

@@ -16,6 +16,7 @@ struct StudyOptions {
   bool slurm = false;               // as a job array
   std::optional<std::size_t> cell;  // run this one only, and make no tables (a task of the array)
   bool collect = false;             // run nothing, make the tables of what is there
+  bool retime = false;              // run again what came to its end before, for its times
   std::filesystem::path
       against;  // an earlier study.csv (limits.csv with [bisect]): what got worse is a failure
   double allowed_growth = 0.1;  // relative

@@ -7,7 +7,6 @@
 #include <stdexcept>
 
 #include "environment.hpp"
-#include "report_page.hpp"
 #include "study_plots.hpp"
 #include "study_table.hpp"
 #include "whole_file.hpp"
@@ -95,9 +94,10 @@ void add_results(ReportPage& page, const StudyScene& study, const StudyResults& 
       return value > 0 ? fmt::format(fmt::runtime(format), value) : std::string("-");
     };
     row.push_back(seconds_text(result.wall_s));
-    row.push_back(result.runs > 1 ? fmt::format("{} to {}", seconds_text(result.wall_min_s),
-                                                seconds_text(result.wall_max_s))
-                                  : "-");
+    row.push_back(result.runs > 1
+                      ? fmt::format("{}{} to {}", result.scattered() ? "bad:" : "",
+                                    seconds_text(result.wall_min_s), seconds_text(result.wall_max_s))
+                      : "-");
     row.push_back(seconds_text(result.processor_s));
     row.push_back(figure(result.steps, "{:.6g}"));
     row.push_back(figure(result.updates, "{:.3g}"));
@@ -167,6 +167,15 @@ void add_references(ReportPage& page, const StudyResults& all) {
 
 }  // namespace
 
+void finish_study_page(ReportPage& page, const StudyScene& study, const std::filesystem::path& folder) {
+  page.heading("Environment");
+  page.table({"", ""}, environment_rows());
+  page.heading("Study");
+  page.folded(study.file.filename().string(), read_whole(study.file));
+  page.folded(study.scene.filename().string(), read_whole(study.scene));
+  write_whole(folder / "study.html", page.html());
+}
+
 void write_study(const StudyScene& study, const StudyResults& all, const std::filesystem::path& folder) {
   write_whole(folder / "study.csv", study_csv(study, all));
   write_whole(folder / "study.md", study_markdown(study, all));
@@ -177,12 +186,7 @@ void write_study(const StudyScene& study, const StudyResults& all, const std::fi
   add_results(page, study, all);
   add_orders(page, all);
   add_references(page, all);
-  page.heading("Environment");
-  page.table({"", ""}, environment_rows());
-  page.heading("Study");
-  page.folded(study.file.filename().string(), read_whole(study.file));
-  page.folded(study.scene.filename().string(), read_whole(study.scene));
-  write_whole(folder / "study.html", page.html());
+  finish_study_page(page, study, folder);
 }
 
 }  // namespace estuary::coupler

@@ -3,6 +3,7 @@
 
 #include <filesystem>
 
+#include "report_page.hpp"
 #include "study_result.hpp"
 
 namespace estuary::coupler {
@@ -11,5 +12,9 @@ namespace estuary::coupler {
 /// error to draw, the page says so instead of its pictures. Throws std::runtime_error when a file cannot be
 /// written.
 void write_study(const StudyScene& study, const StudyResults& all, const std::filesystem::path& folder);
+
+/// What every page of a study ends with: the machine, the study and its scene; writes it to study.html.
+/// Throws std::runtime_error when it cannot be written.
+void finish_study_page(ReportPage& page, const StudyScene& study, const std::filesystem::path& folder);
 
 }  // namespace estuary::coupler

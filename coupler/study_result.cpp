@@ -160,6 +160,11 @@ void mark_front(std::vector<StudyResult>& results) {
 
 }  // namespace
 
+bool StudyResult::scattered() const {
+  constexpr double much = 0.25;
+  return runs > 1 && wall_max_s - wall_min_s > much * wall_s;
+}
+
 std::vector<StudyQuantity> resolved_quantities(const StudyScene& study, const CouplingScene& scene,
                                                std::vector<std::string>& problems) {
   std::vector<StudyQuantity> quantities = study.quantities;
@@ -299,6 +304,12 @@ StudyResults study_results(const StudyScene& study, const StudyStore& store,
         fmt::format("The machine was busy (load {:.1f} when a run began): wall times are too long, "
                     "processor times less so.",
                     busy->load));
+  const auto scattered = std::count_if(all.results.begin(), all.results.end(),
+                                       [](const auto& result) { return result.scattered(); });
+  if (scattered > 0)
+    all.notes.push_back(fmt::format(
+        "Times of {} setting{} differ by more than a quarter between repeats: the machine had other work.",
+        scattered, scattered == 1 ? "" : "s"));
   if (std::any_of(all.results.begin(), all.results.end(),
                   [](const auto& result) { return result.beside > 1; }))
     all.notes.emplace_back("Several runs went on at the same time: wall times are too long.");

@@ -41,6 +41,8 @@ struct StudyResult {
   double windows = 0;
   double end_time = 0;  // of the last window that was kept in iterations.csv [s]; iterations in steady mode
   std::vector<std::pair<std::string, std::string>> judged;  // stability: more columns of the table
+  /// Whether the times of its repeats differ so much that their median says little.
+  [[nodiscard]] bool scattered() const;
   bool on_front = false;  // no other cell has both a smaller error and a shorter time
 };
 

@@ -11,9 +11,8 @@
 #include <sstream>
 #include <thread>
 
-#include "child_process.hpp"
+#include "coupler_run.hpp"
 #include "file_text.hpp"
-#include "temporary_folder.hpp"
 
 namespace {
 
@@ -37,37 +36,20 @@ int processes_with(const std::string& text) {
   return count;
 }
 
-class CoupledRun : public testing::Test {
+class CoupledRun : public estuary::test::CouplerRun {
 protected:
-  std::filesystem::path write_scene(const std::string& fluid, const std::string& solid,
-                                    const std::string& coupling, const std::string& rest = {}) const {
-    const auto path = folder_ / "scene.toml";
-    std::ofstream file(path);
-    file << "title = \"two springs\"\ndimension = 2\n[coupling]\n"
-         << coupling << "\n[fluid]\nsolver = \"" << participant << "\"\n"
-         << fluid << "\n[solid]\nsolver = \"" << participant << "\"\n"
-         << solid << "\n[[watch]]\nname = \"tip\"\nparticipant = \"solid\"\n"
-         << rest;
-    return path;
-  }
-  Finished run(const std::filesystem::path& scene, std::vector<std::string> more = {}) const {
-    std::vector<std::string> words = {coupler, "run", scene.string(), "--out", (folder_ / "out").string()};
+  Finished run(const std::filesystem::path& scene, const std::vector<std::string>& more = {}) const {
+    auto words = run_words(scene, {});
     words.insert(words.end(), more.begin(), more.end());
     return run_program(words, "", 60);
   }
-  nlohmann::json summary() const {
-    return nlohmann::json::parse(file_text(folder_ / "out" / "summary.json"));
-  }
-
-  estuary::TemporaryFolder temporary_;
-  std::filesystem::path folder_ = temporary_.path();
 };
 
 TEST_F(CoupledRun, SteadyFindsTheFixedPointAndChecksIt) {
   const auto scene =
-      write_scene("pressure = 3.0\nslope = 0.6", "stiffness = 1.0", "mode = \"steady\"",
-                  "[[check]]\nquantity = \"tip.displacement\"\nreference = 7.5\ntolerance = 1e-3\n"
-                  "source = \"p / (k - s)\"\n");
+      write_two_springs("pressure = 3.0\nslope = 0.6", "stiffness = 1.0", "mode = \"steady\"",
+                        "[[check]]\nquantity = \"tip.displacement\"\nreference = 7.5\ntolerance = 1e-3\n"
+                        "source = \"p / (k - s)\"\n");
   const Finished finished = run(scene);
   EXPECT_EQ(finished.status, 0) << finished.errors << finished.output;
   const auto json = summary();
@@ -81,15 +63,15 @@ TEST_F(CoupledRun, SteadyFindsTheFixedPointAndChecksIt) {
 
 TEST_F(CoupledRun, AFailingCheckIsExitStatusOne) {
   const auto scene =
-      write_scene("pressure = 3.0\nslope = 0.6", "stiffness = 1.0", "mode = \"steady\"",
-                  "[[check]]\nquantity = \"tip.displacement\"\nreference = 8.0\ntolerance = 0.01\n");
+      write_two_springs("pressure = 3.0\nslope = 0.6", "stiffness = 1.0", "mode = \"steady\"",
+                        "[[check]]\nquantity = \"tip.displacement\"\nreference = 8.0\ntolerance = 0.01\n");
   EXPECT_EQ(run(scene).status, 1);
   EXPECT_FALSE(summary()["checks"][0]["pass"]);
 }
 
 TEST_F(CoupledRun, UnrelaxedIterationThatExpandsIsReportedAsDiverged) {
-  const auto scene = write_scene("pressure = 1.0\nslope = 4.0", "stiffness = 1.0",
-                                 "mode = \"steady\"\nacceleration = \"none\"\nmax_iterations = 1000");
+  const auto scene = write_two_springs("pressure = 1.0\nslope = 4.0", "stiffness = 1.0",
+                                       "mode = \"steady\"\nacceleration = \"none\"\nmax_iterations = 1000");
   const Finished finished = run(scene);
   EXPECT_EQ(finished.status, 3);
   EXPECT_THAT(finished.errors, HasSubstr("diverged"));
@@ -98,21 +80,21 @@ TEST_F(CoupledRun, UnrelaxedIterationThatExpandsIsReportedAsDiverged) {
 }
 
 TEST_F(CoupledRun, TooFewIterationsIsExitStatusThree) {
-  const auto scene = write_scene("pressure = 1.0\nslope = 0.9", "stiffness = 1.0",
-                                 "mode = \"steady\"\nacceleration = \"none\"\nmax_iterations = 3");
+  const auto scene = write_two_springs("pressure = 1.0\nslope = 0.9", "stiffness = 1.0",
+                                       "mode = \"steady\"\nacceleration = \"none\"\nmax_iterations = 3");
   const Finished finished = run(scene);
   EXPECT_EQ(finished.status, 3);
   EXPECT_THAT(finished.errors, HasSubstr("did not converge"));
 }
 
 TEST_F(CoupledRun, NothingMovingIsConverged) {
-  const auto scene = write_scene("pressure = 0.0\nslope = 0.5", "stiffness = 1.0", "mode = \"steady\"");
+  const auto scene = write_two_springs("pressure = 0.0\nslope = 0.5", "stiffness = 1.0", "mode = \"steady\"");
   EXPECT_EQ(run(scene).status, 0);
 }
 
 TEST_F(CoupledRun, TransientRunsEveryWindowAndWritesItsFiles) {
-  const auto scene = write_scene("pressure = 3.0\nslope = 0.5", "stiffness = 1.0",
-                                 "mode = \"transient\"\nwindow = 0.1\nend_time = 2.0");
+  const auto scene = write_two_springs("pressure = 3.0\nslope = 0.5", "stiffness = 1.0",
+                                       "mode = \"transient\"\nwindow = 0.1\nend_time = 2.0");
   const Finished finished = run(scene);
   EXPECT_EQ(finished.status, 0) << finished.errors;
   EXPECT_EQ(summary()["windows"], 20);
@@ -125,9 +107,9 @@ TEST_F(CoupledRun, TransientRunsEveryWindowAndWritesItsFiles) {
 TEST_F(CoupledRun, NotANumberNamesParticipantFieldAndWindow) {
   for (const std::string who : {"fluid", "solid"}) {
     const std::string bad = "\nmisbehaviour = \"nan\"\nat_window = 3";
-    const auto scene = write_scene("pressure = 3.0\nslope = 0.5" + (who == "fluid" ? bad : ""),
-                                   "stiffness = 1.0" + (who == "solid" ? bad : ""),
-                                   "mode = \"transient\"\nwindow = 0.1\nend_time = 1.0");
+    const auto scene = write_two_springs("pressure = 3.0\nslope = 0.5" + (who == "fluid" ? bad : ""),
+                                         "stiffness = 1.0" + (who == "solid" ? bad : ""),
+                                         "mode = \"transient\"\nwindow = 0.1\nend_time = 1.0");
     const Finished finished = run(scene);
     EXPECT_EQ(finished.status, 3);
     EXPECT_THAT(finished.errors, HasSubstr("'" + who + "'"));
@@ -138,8 +120,8 @@ TEST_F(CoupledRun, NotANumberNamesParticipantFieldAndWindow) {
 }
 
 TEST_F(CoupledRun, ParticipantsOwnDivergenceIsExitStatusThree) {
-  const auto scene = write_scene("pressure = 3.0\nslope = 0.5\nmisbehaviour = \"exception\"",
-                                 "stiffness = 1.0", "mode = \"steady\"");
+  const auto scene = write_two_springs("pressure = 3.0\nslope = 0.5\nmisbehaviour = \"exception\"",
+                                       "stiffness = 1.0", "mode = \"steady\"");
   const Finished finished = run(scene);
   EXPECT_EQ(finished.status, 3);
   EXPECT_THAT(finished.errors, HasSubstr("velocity"));
@@ -153,7 +135,7 @@ TEST_F(CoupledRun, EveryImplicitSchemeAndAccelerationFindsTheFixedPoint) {
   for (const std::string scheme : {"serial-implicit", "parallel-implicit"}) {
     for (const std::string acceleration : {"aitken", "constant", "iqn-ils", "iqn-imvj"}) {
       if (scheme == "parallel-implicit" && acceleration == "aitken") continue;
-      const auto scene = write_scene(
+      const auto scene = write_two_springs(
           "pressure = 3.0\nslope = -3.0", "stiffness = 1.0",
           "mode = \"transient\"\nwindow = 0.1\nend_time = 0.5\npredictor = \"none\"\nscheme = \"" + scheme +
               "\"\nacceleration = \"" + acceleration + "\"\nrelaxation = 0.2\nmax_iterations = 200",
@@ -166,8 +148,8 @@ TEST_F(CoupledRun, EveryImplicitSchemeAndAccelerationFindsTheFixedPoint) {
 
 TEST_F(CoupledRun, ParallelParticipantsComputeAtTheSameTime) {
   const auto scene =
-      write_scene("pressure = 3.0\nslope = 0.0\nseconds = 0.2", "stiffness = 1.0\nseconds = 0.2",
-                  "mode = \"transient\"\nwindow = 0.1\nend_time = 0.5\nscheme = \"parallel-explicit\"");
+      write_two_springs("pressure = 3.0\nslope = 0.0\nseconds = 0.2", "stiffness = 1.0\nseconds = 0.2",
+                        "mode = \"transient\"\nwindow = 0.1\nend_time = 0.5\nscheme = \"parallel-explicit\"");
   EXPECT_EQ(run(scene).status, 0);
   const auto json = summary();
   const double together = json["participants"]["fluid"]["wall_s"].get<double>() +
@@ -178,12 +160,12 @@ TEST_F(CoupledRun, ParallelParticipantsComputeAtTheSameTime) {
 TEST_F(CoupledRun, AWindowThatAParticipantGaveUpIsTriedAgain) {
   const std::string trouble = "\nmisbehaviour = \"exception\"\nat_window = 1\nat_iteration = 2";
   const std::string transient = "mode = \"transient\"\nwindow = 0.1\nend_time = 0.5\npredictor = \"none\"\n";
-  auto scene = write_scene("pressure = 3.0\nslope = -0.5" + trouble, "stiffness = 1.0", transient);
+  auto scene = write_two_springs("pressure = 3.0\nslope = -0.5" + trouble, "stiffness = 1.0", transient);
   EXPECT_EQ(run(scene).status, 0);
   EXPECT_THAT(file_text(folder_ / "out" / "log" / "coupler.log"),
               HasSubstr("tried again without the history"));
-  scene =
-      write_scene("pressure = 3.0\nslope = -0.5" + trouble, "stiffness = 1.0", transient + "recover = false");
+  scene = write_two_springs("pressure = 3.0\nslope = -0.5" + trouble, "stiffness = 1.0",
+                            transient + "recover = false");
   EXPECT_EQ(run(scene).status, 3);
 }
 
@@ -192,24 +174,25 @@ TEST_F(CoupledRun, AWindowOutOfIterationsIsTriedAgain) {
       "mode = \"transient\"\nwindow = 0.1\nend_time = 0.3\npredictor = \"none\"\n"
       "acceleration = \"constant\"\nrelaxation = 1.0\nmax_iterations = 30\n";
   // Contracts by 0.98 an iteration; with a fifth of the step by 0.6.
-  auto scene = write_scene("pressure = 3.0\nslope = -0.98", "stiffness = 1.0", transient);
+  auto scene = write_two_springs("pressure = 3.0\nslope = -0.98", "stiffness = 1.0", transient);
   EXPECT_EQ(run(scene).status, 0);
   EXPECT_THAT(file_text(folder_ / "out" / "log" / "coupler.log"),
               HasSubstr("tried again with relaxation 0.2"));
-  scene = write_scene("pressure = 3.0\nslope = -0.98", "stiffness = 1.0", transient + "recover = false");
+  scene =
+      write_two_springs("pressure = 3.0\nslope = -0.98", "stiffness = 1.0", transient + "recover = false");
   EXPECT_EQ(run(scene).status, 3);
 }
 
 TEST_F(CoupledRun, ASteadyLoadTooLargeForTheSolidIsBroughtOnInParts) {
-  const auto scene = write_scene(
+  const auto scene = write_two_springs(
       "pressure = 3.0\nslope = -0.5", "stiffness = 1.0\nlargest_displacement = 1.8", "mode = \"steady\"",
       "[[check]]\nquantity = \"tip.displacement\"\nreference = 2.0\ntolerance = 1e-3\n");
   // Not even the solution is within its reach: an honest end.
   EXPECT_EQ(run(scene).status, 3);
   const auto possible =
-      write_scene("pressure = 3.0\nslope = -0.5", "stiffness = 1.0\nlargest_displacement = 2.5",
-                  "mode = \"steady\"\nacceleration = \"iqn-ils\"",
-                  "[[check]]\nquantity = \"tip.displacement\"\nreference = 2.0\ntolerance = 1e-3\n");
+      write_two_springs("pressure = 3.0\nslope = -0.5", "stiffness = 1.0\nlargest_displacement = 2.5",
+                        "mode = \"steady\"\nacceleration = \"iqn-ils\"",
+                        "[[check]]\nquantity = \"tip.displacement\"\nreference = 2.0\ntolerance = 1e-3\n");
   const Finished finished = run(possible);
   EXPECT_EQ(finished.status, 0) << finished.errors << finished.output;
   EXPECT_THAT(file_text(folder_ / "out" / "log" / "coupler.log"), HasSubstr("gets half"));
@@ -269,17 +252,17 @@ TEST_F(Tube, WithoutAccelerationItIsReportedAsNoSolution) {
 }
 
 TEST_F(CoupledRun, WrongLengthIsRefused) {
-  const auto scene = write_scene("pressure = 3.0\nslope = 0.5\nmisbehaviour = \"wrong-length\"",
-                                 "stiffness = 1.0", "mode = \"steady\"");
+  const auto scene = write_two_springs("pressure = 3.0\nslope = 0.5\nmisbehaviour = \"wrong-length\"",
+                                       "stiffness = 1.0", "mode = \"steady\"");
   const Finished finished = run(scene);
   EXPECT_EQ(finished.status, 4);
   EXPECT_THAT(finished.errors, HasSubstr("fluid"));
 }
 
 TEST_F(CoupledRun, ACrashEndsTheRunWithinTwoSeconds) {
-  const auto scene =
-      write_scene("pressure = 3.0\nslope = 0.5\nmisbehaviour = \"crash\"\nat_window = 2", "stiffness = 1.0",
-                  "mode = \"transient\"\nwindow = 0.1\nend_time = 1.0", "[recovery]\nrelaunches = 0\n");
+  const auto scene = write_two_springs(
+      "pressure = 3.0\nslope = 0.5\nmisbehaviour = \"crash\"\nat_window = 2", "stiffness = 1.0",
+      "mode = \"transient\"\nwindow = 0.1\nend_time = 1.0", "[recovery]\nrelaunches = 0\n");
   const auto begin = steady_clock::now();
   const Finished finished = run(scene);
   EXPECT_LT(steady_clock::now() - begin, std::chrono::seconds(4));
@@ -300,8 +283,8 @@ class Killed : public CoupledRun, public testing::WithParamInterface<std::tuple<
 
 TEST_P(Killed, EndsTheRunWithinTwoSecondsAndLeavesNothingBehind) {
   const auto& [victim, signal_number] = GetParam();
-  const auto scene = write_scene("pressure = 3.0\nslope = 0.5\nseconds = 30", "stiffness = 1.0",
-                                 "mode = \"steady\"", "[recovery]\nrelaunches = 0\n");
+  const auto scene = write_two_springs("pressure = 3.0\nslope = 0.5\nseconds = 30", "stiffness = 1.0",
+                                       "mode = \"steady\"", "[recovery]\nrelaunches = 0\n");
   const auto out = folder_ / "out";
   ChildProcess run({coupler, "run", scene.string(), "--out", out.string()}, folder_ / "coupler.txt");
   // Until the fluid computes its first iteration, which it does once the solid has written its first frame.
@@ -345,7 +328,7 @@ INSTANTIATE_TEST_SUITE_P(Everyone, Killed,
 
 TEST_F(CoupledRun, ControlCEndsWith130) {
   const auto scene =
-      write_scene("pressure = 3.0\nslope = 0.5\nseconds = 30", "stiffness = 1.0", "mode = \"steady\"");
+      write_two_springs("pressure = 3.0\nslope = 0.5\nseconds = 30", "stiffness = 1.0", "mode = \"steady\"");
   ChildProcess process({coupler, "run", scene.string(), "--out", (folder_ / "out").string()},
                        folder_ / "coupler.txt");
   std::this_thread::sleep_for(std::chrono::milliseconds(1500));
@@ -359,7 +342,7 @@ TEST_F(CoupledRun, ControlCEndsWith130) {
 }
 
 TEST_F(CoupledRun, AllProblemsAreShownAtOnceAndNothingIsLaunched) {
-  const auto scene = write_scene(
+  const auto scene = write_two_springs(
       "pressure = \"high\"\nslop = 0.5", "stiffness = -1.0", "mode = \"steady\"\ntolerence = 1e-4",
       "[[check]]\nquantity = \"top.displacement\"\nreference = 1.0\ntolerance = 0.1\n");
   const Finished finished = run(scene);
@@ -384,7 +367,7 @@ TEST_F(CoupledRun, AMissingProgramIsAProblemOfTheScene) {
 }
 
 TEST_F(CoupledRun, CheckPrintsThePlanAndLaunchesNothing) {
-  const auto scene = write_scene("pressure = 3.0\nslope = 0.5", "stiffness = 2.0", "mode = \"steady\"");
+  const auto scene = write_two_springs("pressure = 3.0\nslope = 0.5", "stiffness = 2.0", "mode = \"steady\"");
   const Finished finished = run_program({coupler, "check", scene.string()}, "", 30);
   EXPECT_EQ(finished.status, 0);
   EXPECT_THAT(finished.output, HasSubstr("left out"));
@@ -394,7 +377,7 @@ TEST_F(CoupledRun, CheckPrintsThePlanAndLaunchesNothing) {
 
 TEST_F(CoupledRun, ADryRunPrintsTheCommandsAndLeavesNothing) {
   const auto scene =
-      write_scene("pressure = 3.0\nslope = 0.5", "stiffness = 1.0\nthreads = 3", "mode = \"steady\"");
+      write_two_springs("pressure = 3.0\nslope = 0.5", "stiffness = 1.0\nthreads = 3", "mode = \"steady\"");
   const auto out = folder_ / "out";
   const Finished finished = run(scene, {"--dry-run"});
   EXPECT_EQ(finished.status, 0) << finished.errors;
@@ -405,7 +388,7 @@ TEST_F(CoupledRun, ADryRunPrintsTheCommandsAndLeavesNothing) {
 }
 
 TEST_F(CoupledRun, OverridesChangeTheSceneAndAreKept) {
-  const auto scene = write_scene("pressure = 3.0\nslope = 0.6", "stiffness = 1.0", "mode = \"steady\"");
+  const auto scene = write_two_springs("pressure = 3.0\nslope = 0.6", "stiffness = 1.0", "mode = \"steady\"");
   const Finished finished = run(scene, {"--set", "fluid.pressure=6.0"});
   EXPECT_EQ(finished.status, 0) << finished.errors;
   EXPECT_NEAR(summary()["watch"]["tip"]["displacement"]["last"], 15.0, 15e-3);
@@ -413,7 +396,7 @@ TEST_F(CoupledRun, OverridesChangeTheSceneAndAreKept) {
 }
 
 TEST_F(CoupledRun, AnOverrideOfAnUnknownKeyIsRefused) {
-  const auto scene = write_scene("pressure = 3.0\nslope = 0.6", "stiffness = 1.0", "mode = \"steady\"");
+  const auto scene = write_two_springs("pressure = 3.0\nslope = 0.6", "stiffness = 1.0", "mode = \"steady\"");
   EXPECT_EQ(run(scene, {"--set", "fluid.presure=6.0"}).status, 2);
 }
 

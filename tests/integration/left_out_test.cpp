@@ -11,8 +11,7 @@
 #include <sstream>
 #include <thread>
 
-#include "child_process.hpp"
-#include "temporary_folder.hpp"
+#include "coupler_run.hpp"
 #include "whole_file.hpp"
 
 namespace {
@@ -42,24 +41,19 @@ std::set<std::string> children_of(pid_t process) {
   return names;
 }
 
-class LeftOut : public testing::Test {
+class LeftOut : public estuary::test::CouplerRun {
 protected:
   std::vector<std::string> command(const std::string& scene, const std::vector<std::string>& settings) const {
-    std::vector<std::string> words = {
-        COUPLER_PROGRAM, "run", std::string(SCENES) + "/" + scene, "--out", (folder_ / "out").string(),
-        "--no-report"};
-    for (const auto& setting : settings) words.insert(words.end(), {"--set", setting});
+    auto words = run_words(std::string(SCENES) + "/" + scene, settings);
+    words.emplace_back("--no-report");
     return words;
   }
   nlohmann::json summary_of(const std::string& scene, std::vector<std::string> settings) const {
     settings.insert(settings.end(), {"output.frames=false"});
     const Finished finished = run_program(command(scene, settings), "", 100);
     EXPECT_LE(finished.status, 1) << finished.errors;
-    return nlohmann::json::parse(read_whole(folder_ / "out" / "summary.json"));
+    return summary();
   }
-
-  estuary::TemporaryFolder temporary_;
-  std::filesystem::path folder_ = temporary_.path();
 };
 
 const std::vector<std::string> coarse_fin{"fluid.spacing=0.05", "solid.particles_across=2", "fluid.threads=1",
@@ -84,10 +78,10 @@ TEST_F(LeftOut, AParticipantThatIsSwitchedOffIsNoProcess) {
   settings.emplace_back("fluid=off");
   EXPECT_LE(watch(without), 1) << read_whole(folder_ / "log");
   EXPECT_THAT(without, ElementsAre("(solid-sph)"));
-  const auto summary = nlohmann::json::parse(read_whole(folder_ / "out" / "summary.json"));
-  EXPECT_THAT(summary["left_out"].get<std::vector<std::string>>(),
+  const auto json = summary();
+  EXPECT_THAT(json["left_out"].get<std::vector<std::string>>(),
               Contains(HasSubstr("fluid: the scene has no [fluid]")));
-  EXPECT_FALSE(summary["participants"].contains("fluid"));
+  EXPECT_FALSE(json["participants"].contains("fluid"));
   EXPECT_FALSE(std::filesystem::exists(folder_ / "out" / "fluid"));
 }
 
@@ -131,7 +125,8 @@ TEST_F(LeftOut, MemoryIsThatOfThePlan) {
     result.used = summary["participants"]["fluid"]["peak_rss_bytes"];
     auto words = command("fluid/taylor-green.toml", settings);
     words[1] = "check";
-    words.erase(words.begin() + 3, words.begin() + 6);  // --out FOLDER --no-report
+    words.erase(words.begin() + 3, words.begin() + 5);  // --out FOLDER
+    words.pop_back();                                   // --no-report
     const auto plan = run_program(words, "", 60).output;
     const auto at = plan.find("  memory ");
     EXPECT_NE(at, std::string::npos) << plan;
@@ -151,18 +146,39 @@ TEST_F(LeftOut, MemoryIsThatOfThePlan) {
 }
 
 TEST_F(LeftOut, TheCompiledVariantSaysWhatItHolds) {
-  const auto variant = [&](std::vector<std::string> settings) {
+  const auto variant = [&](const std::string& scene, const char* role, std::vector<std::string> settings) {
+    return summary_of(scene, std::move(settings))["participants"][role]["variant"].get<std::string>();
+  };
+  const auto fluid = [&](std::vector<std::string> settings) {
     settings.insert(settings.end(),
                     {"fluid.spacing=0.0625", "fluid.threads=1", "fluid.steady.tolerance=1e-2"});
-    return summary_of("fluid/cavity-100.toml", settings)["participants"]["fluid"]["variant"]
-        .get<std::string>();
+    return variant("fluid/cavity-100.toml", "fluid", settings);
   };
-  const auto plain = variant({});
-  const auto forced = variant({"fluid.body_force=[1e-6, 0.0]"});
-  const auto turbulent = variant({"fluid.collision=central-moment", "fluid.smagorinsky=0.1"});
-  EXPECT_FALSE(plain.empty());
-  EXPECT_NE(plain, forced);
-  EXPECT_NE(plain, turbulent);
+  EXPECT_EQ(fluid({}), "d2q9-trt-incompressible") << "no force, no varying viscosity";
+  EXPECT_EQ(fluid({"fluid.body_force=[1e-6, 0.0]"}), "d2q9-trt-incompressible-guo");
+  EXPECT_EQ(fluid({"fluid.collision=central-moment", "fluid.smagorinsky=0.1"}),
+            "d2q9-central-moment-compressible-smagorinsky");
+  const auto solid = [&](const char* stabilisation) {
+    return variant("solid/cook.toml", "solid",
+                   {"solid.spacing=8.0", std::string("solid.stabilisation=") + stabilisation});
+  };
+  EXPECT_THAT(solid("0.02"), HasSubstr("-stabilised"));
+  EXPECT_THAT(solid("0.0"), testing::Not(HasSubstr("-stabilised")));
+}
+
+TEST_F(LeftOut, CheckAndSummaryListTheSame) {
+  auto settings = coarse_fin;
+  settings.insert(settings.end(), {"coupling.max_iterations=1", "coupling.at_max_iterations=\"go-on\""});
+  const auto listed =
+      summary_of("fsi/elastic-fin.toml", settings)["left_out"].get<std::vector<std::string>>();
+  EXPECT_THAT(listed, testing::IsSupersetOf({HasSubstr("grains: the scene has no [grains]"),
+                                             HasSubstr("fluid: body force"), HasSubstr("solid: gravity")}));
+  settings.emplace_back("output.frames=false");
+  auto words = run_words(std::string(SCENES) + "/fsi/elastic-fin.toml", settings);
+  words[1] = "check";
+  words.erase(words.begin() + 3, words.begin() + 5);  // --out FOLDER
+  const auto plan = run_program(words, "", 60).output;
+  for (const auto& entry : listed) EXPECT_THAT(plan, HasSubstr(entry));
 }
 
 }  // namespace

@@ -8,29 +8,18 @@
 #include <fstream>
 #include <nlohmann/json.hpp>
 
-#include "child_process.hpp"
-#include "temporary_folder.hpp"
+#include "coupler_run.hpp"
 
 namespace {
 
 using estuary::coupler::Finished;
-using estuary::coupler::run_program;
 
-class ModelProblem : public testing::Test {
+class ModelProblem : public estuary::test::CouplerRun {
 protected:
-  Finished run(const std::string& scene, const std::vector<std::string>& settings) {
-    std::vector<std::string> words = {COUPLER_PROGRAM, "run", std::string(SCENES) + "/fsi/" + scene, "--out",
-                                      (folder_ / "out").string()};
-    for (const auto& setting : settings) words.insert(words.end(), {"--set", setting});
-    return run_program(words, "", 60);
+  Finished run(const std::string& scene, const std::vector<std::string>& settings) const {
+    return run_scene(std::string(SCENES) + "/fsi/" + scene, settings);
   }
-  nlohmann::json watch(const std::string& name) const {
-    std::ifstream file(folder_ / "out" / "summary.json");
-    return nlohmann::json::parse(file)["watch"][name];
-  }
-
-  estuary::TemporaryFolder temporary_;
-  std::filesystem::path folder_ = temporary_.path();
+  nlohmann::json watch(const std::string& name) const { return summary()["watch"][name]; }
 };
 
 // Two masses and three springs with ten steps in each window: what is left is the error of the interpolation.

@@ -9,9 +9,8 @@
 #include <map>
 #include <thread>
 
-#include "child_process.hpp"
+#include "coupler_run.hpp"
 #include "study_table.hpp"
-#include "temporary_folder.hpp"
 #include "whole_file.hpp"
 
 namespace {
@@ -24,16 +23,11 @@ using estuary::coupler::run_program;
 using testing::AllOf;
 using testing::HasSubstr;
 
-class StudyRun : public testing::Test {
+class StudyRun : public estuary::test::CouplerRun {
 protected:
   void SetUp() override {
-    const std::string solver = std::string("solver = \"") + LINEAR_PARTICIPANT + "\"\n";
-    std::ofstream(folder_ / "scene.toml")
-        << "title = \"two springs\"\n[coupling]\nmode = \"steady\"\nacceleration = \"constant\"\nrelaxation "
-           "= 0.5\n"
-        << "[fluid]\n"
-        << solver << "pressure = 3.0\nslope = 0.6\n[solid]\n"
-        << solver << "stiffness = 1.0\n[[watch]]\nname = \"tip\"\nparticipant = \"solid\"\n";
+    static_cast<void>(write_two_springs("pressure = 3.0\nslope = 0.6", "stiffness = 1.0",
+                                        "mode = \"steady\"\nacceleration = \"constant\"\nrelaxation = 0.5"));
   }
   Finished study(const std::string& text, const std::vector<std::string>& more = {}) const {
     std::ofstream(folder_ / "study.toml") << "scene = \"scene.toml\"\n" << text;
@@ -49,9 +43,6 @@ protected:
       count += std::filesystem::exists(entry.path() / "run" / "summary.json") ? 1 : 0;
     return count;
   }
-
-  estuary::TemporaryFolder temporary_;
-  std::filesystem::path folder_ = temporary_.path();
 };
 
 const std::string ladder =
@@ -91,6 +82,21 @@ TEST_F(StudyRun, RunsNothingTwiceAndOnlyWhatIsNew) {
   EXPECT_EQ(runs_kept(), 4U);
 }
 
+TEST_F(StudyRun, RetimedItRunsAgainAndKeepsItsErrors) {
+  ASSERT_EQ(study(ladder).status, 0);
+  const auto before = rows();
+  const Finished again = study(ladder, {"--retime"});
+  EXPECT_THAT(again.output, HasSubstr("3/3 0.001"));
+  const auto after = rows();
+  ASSERT_EQ(after.size(), 3U);
+  for (std::size_t k = 0; k < 3; ++k) {
+    EXPECT_EQ(after[k].at("error"), before[k].at("error"));
+    EXPECT_EQ(after[k].at("runs"), "1");
+  }
+  EXPECT_NE(after, before) << "times included";
+  EXPECT_EQ(study("mode = \"stability\"\n" + ladder, {"--retime"}).status, 2);
+}
+
 TEST_F(StudyRun, KeepsTheOtherCellsWhenSomeFail) {
   const Finished finished = study(
       "[set]\ncoupling.recover = false\ncoupling.acceleration = \"none\"\n[[vary]]\nfluid.slope = [0.5, 2.0, "
@@ -121,7 +127,8 @@ TEST_F(StudyRun, RefusesWhatCannotBeStudiedBeforeLaunching) {
 
 TEST_F(StudyRun, BisectsTheLimitOfTheUnrelaxedIteration) {
   const Finished finished = study(
-      "mode = \"stability\"\n[set]\ncoupling.acceleration = \"none\"\ncoupling.recover = false\ncoupling.max_iterations = 2000\n"
+      "mode = \"stability\"\n[set]\ncoupling.acceleration = \"none\"\ncoupling.recover = "
+      "false\ncoupling.max_iterations = 2000\n"
       "[[vary]]\nsolid.stiffness = [1.0, 2.0]\n[bisect]\nkey = \"fluid.slope\"\nfrom = 0.1\nto = "
       "10.0\nresolution = 0.2\n"
       "[[quantity]]\nname = \"tip.displacement\"\nexact = \"3 / (solid_stiffness - fluid_slope)\"\ntolerance "

@@ -9,20 +9,18 @@
 #include <nlohmann/json.hpp>
 #include <sstream>
 
-#include "child_process.hpp"
+#include "coupler_run.hpp"
 #include "csv_file.hpp"
 #include "file_text.hpp"
-#include "temporary_folder.hpp"
 
 namespace {
 
 using estuary::coupler::Finished;
 using estuary::coupler::read_csv;
-using estuary::coupler::run_program;
 using estuary::test::file_text;
 using testing::HasSubstr;
 
-class TubeRun : public testing::Test {
+class TubeRun : public estuary::test::CouplerRun {
 protected:
   // Ten windows of a tube.
   Finished run(const std::string& out, const std::string& coupling, const std::string& fluid,
@@ -38,19 +36,13 @@ protected:
         << solver << fluid << "\n[solid]\n"
         << solver << solid << '\n'
         << rest << "\n[[watch]]\nname = \"flow\"\nparticipant = \"fluid\"\n";
-    std::vector<std::string> words = {COUPLER_PROGRAM, "run", scene.string(), "--out",
-                                      (folder_ / out).string()};
-    for (const auto& entry : overrides) words.insert(words.end(), {"--set", entry});
-    return run_program(words, "", 60);
+    return run_scene(scene, overrides, out);
   }
   double last(const std::string& out, const std::string& watch, const std::string& quantity) const {
-    return nlohmann::json::parse(file_text(folder_ / out / "summary.json"))["watch"][watch][quantity]["last"];
+    return summary(out)["watch"][watch][quantity]["last"];
   }
   // Highest pressure at the inflow of all windows.
-  double largest(const std::string& out) const {
-    return nlohmann::json::parse(
-        file_text(folder_ / out / "summary.json"))["watch"]["flow"]["pressure"]["max"];
-  }
+  double largest(const std::string& out) const { return summary(out)["watch"]["flow"]["pressure"]["max"]; }
   // Largest difference of two columns of convergence.csv, relative to the largest value.
   double difference(const std::string& out, const std::string& one, const std::string& other) const {
     const auto table = read_csv(folder_ / out / "convergence.csv");
@@ -64,9 +56,6 @@ protected:
     }
     return largest / size;
   }
-
-  estuary::TemporaryFolder temporary_;
-  std::filesystem::path folder_ = temporary_.path();
 };
 
 // 100 against 73 nodes. Where pressures are mapped, the flow is that of matching nodes. Where forces are,
