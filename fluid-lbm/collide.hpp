@@ -44,6 +44,7 @@ struct CollisionParameters {
   std::array<double, 3> acceleration{};  // body force per mass
   double magic_parameter = 3.0 / 16.0;   // where the viscosity varies
   ViscosityLaw law;
+  const ViscosityTable* viscosities = nullptr;  // of a generalised Newtonian fluid
 };
 
 /// 1/rho and rho where the equilibrium has them.

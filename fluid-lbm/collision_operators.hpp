@@ -276,7 +276,7 @@ struct GeneralisedNewtonianViscosity {
   [[gnu::always_inline]] static Value even_part(const CollisionParameters& p, const Value& stress_norm) {
     using Real = typename RealOf<Value>::type;
     return each_lane(stress_norm, [&p](Real x) {
-      return static_cast<Real>(3.0 * viscosity_from_stress(p.law, 1.5 * static_cast<double>(x)));
+      return static_cast<Real>(3.0 * (*p.viscosities)(1.5 * static_cast<double>(x)));
     });
   }
 };
@@ -304,7 +304,11 @@ template <class Lattice, class Viscosity, class Value>
   }
   const Value norm = each_lane(2 * square, [](Real x) { return std::sqrt(x); });
   const Value even = Viscosity::even_part(parameters, norm * inverse);
-  return {1 / (even + Real(0.5)), 1 / (Real(parameters.magic_parameter) / even + Real(0.5))};
+  // 1 / (even + 1/2) and 1 / (magic / even + 1/2) with one division: it is what takes longest here.
+  const Value first = even + Real(0.5);
+  const Value second = Real(parameters.magic_parameter) + Real(0.5) * even;
+  const Value share = 1 / (first * second);
+  return {second * share, even * first * share};
 }
 
 }  // namespace estuary::fluid::step

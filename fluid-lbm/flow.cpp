@@ -50,7 +50,11 @@ Flow::Flow(const FlowSettings& settings)
       populations_(settings.grid, settings.storage),
       cells_(settings.grid),
       step_(collide_and_stream(settings.step())),
-      parameters_{settings.rates, settings.acceleration, settings.magic_parameter, settings.law},
+      viscosities_(settings.viscosity == ViscosityModel::generalised_newtonian
+                       ? std::make_unique<const ViscosityTable>(settings.law)
+                       : nullptr),
+      parameters_{settings.rates, settings.acceleration, settings.magic_parameter, settings.law,
+                  viscosities_.get()},
       rows_(settings.grid),
       obstacle_links_(settings.grid),
       wet_links_(settings.grid),

@@ -1,6 +1,7 @@
 // The state of a flow and how a time step goes: boundary rules, then collision and streaming.
 #pragma once
 
+#include <memory>
 #include <optional>
 #include <span>
 #include <vector>
@@ -163,6 +164,7 @@ private:
   Populations populations_;
   Cells cells_;
   CollideAndStream step_;
+  std::unique_ptr<const ViscosityTable> viscosities_;  // of a generalised Newtonian fluid
   CollisionParameters parameters_;
   bool rules_applied_ = false;   // since the last step or move
   bool sides_complete_ = false;  // since the last step

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <limits>
 
 namespace estuary::fluid {
 namespace {
@@ -57,6 +58,35 @@ double viscosity_from_stress(const ViscosityLaw& law, double stress) {
     nu = viscosity(rate);
   }
   return nu;
+}
+
+ViscosityTable::ViscosityTable(const ViscosityLaw& law) : law_(law), coefficients_(pieces), at_rest_(0) {
+  constexpr double tolerance = 1e-8;
+  constexpr double unknown = std::numeric_limits<double>::quiet_NaN();
+  const auto exact = [&](double stress) { return viscosity_from_stress(law, stress); };
+  double start = exact(smallest_stress);
+  at_rest_ = exact(0);
+  if (!(std::abs(start - at_rest_) <= tolerance * start)) at_rest_ = unknown;
+  for (std::uint64_t piece = 0; piece < pieces; ++piece) {
+    const auto from = std::bit_cast<double>((first_piece + piece) << piece_bits);
+    const auto to = std::bit_cast<double>((first_piece + piece + 1) << piece_bits);
+    const auto at = [&](double t) { return from + t * (to - from); };
+    // Through both ends and two places between: continuous, and the error is largest near the ends.
+    const double end = exact(to);
+    const double a = exact(at(1.0 / 3)) - start;
+    const double b = exact(at(2.0 / 3)) - start;
+    const double c = end - start;
+    auto& k = coefficients_[piece];
+    k = {start, 9 * a - 4.5 * b + c, -22.5 * a + 18 * b - 4.5 * c, 13.5 * a - 13.5 * b + 4.5 * c};
+    for (const double t : {0.12, 0.5, 0.88}) {
+      const double expected = exact(at(t));
+      if (std::abs(k[0] + t * (k[1] + t * (k[2] + t * k[3])) - expected) > tolerance * expected) {
+        k[0] = unknown;
+        break;
+      }
+    }
+    start = end;
+  }
 }
 
 }  // namespace estuary::fluid

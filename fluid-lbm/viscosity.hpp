@@ -9,9 +9,15 @@
 //   Carreau-Yasuda          mu_inf + (mu_0 - mu_inf) (1 + (lambda rate)^a)^((n-1)/a)
 //   Bingham-Papanastasiou   mu_p + tau_y (1 - exp(-m rate)) / rate
 // each kept between a smallest and a largest viscosity. The stress tau gives rate (1/2 + 3 nu(rate)) = 3/2
-// sqrt(2 Pi:Pi) / rho, with one root because rate mu(rate) grows; it is found by Newton steps inside a
-// bracket.
+// sqrt(2 Pi:Pi) / rho, with one root because rate mu(rate) grows; it is found by secant steps inside a
+// bracket, once for each entry of a table over the stress, in which a step looks it up.
 #pragma once
+
+#include <array>
+#include <bit>
+#include <cstddef>
+#include <cstdint>
+#include <vector>
 
 namespace estuary::fluid {
 
@@ -40,5 +46,45 @@ struct ViscosityLaw {
 [[nodiscard]] double dynamic_viscosity(const ViscosityLaw& law, double rate);
 /// Kinematic viscosity in lattice units where `stress` = 3/2 sqrt(2 Pi:Pi) / rho.
 [[nodiscard]] double viscosity_from_stress(const ViscosityLaw& law, double stress);
+
+/// `viscosity_from_stress` as cubic polynomials over pieces of the stress, 64 to each power of two, so that
+/// the piece is found from the number's own bits. Within 1e-8 of the root everywhere: where a cubic is not
+/// (at the smallest and the largest viscosity, beside a yield stress), and above 2^12, the root is found.
+/// Below 2^-60 it is that of a fluid at rest, where the law has come to it by then.
+class ViscosityTable {
+public:
+  explicit ViscosityTable(const ViscosityLaw& law);
+  [[nodiscard]] double operator()(double stress) const {
+    const auto bits = std::bit_cast<std::uint64_t>(stress);
+    const std::uint64_t piece = (bits >> piece_bits) - first_piece;  // large also of smaller stresses
+    if (piece < pieces) [[likely]] {
+      // The bits below those of the piece as a number from 0 to 1.
+      constexpr std::uint64_t one = std::bit_cast<std::uint64_t>(1.0);
+      const double t =
+          std::bit_cast<double>((bits << (52 - piece_bits) & (one_above_fraction - 1)) | one) - 1;
+      const auto& c = coefficients_[piece];
+      const double value = c[0] + t * (c[1] + t * (c[2] + t * c[3]));
+      if (value == value) [[likely]]
+        return value;
+    } else if (stress < smallest_stress && at_rest_ == at_rest_) {
+      return at_rest_;
+    }
+    return viscosity_from_stress(law_, stress);
+  }
+
+private:
+  static constexpr int piece_bits = 52 - 6;
+  static constexpr std::uint64_t one_above_fraction = std::uint64_t{1} << 52;
+  static constexpr double smallest_stress = 0x1p-60;
+  static constexpr double largest_stress = 0x1p12;
+  static constexpr std::uint64_t first_piece = std::bit_cast<std::uint64_t>(smallest_stress) >> piece_bits;
+  static constexpr std::uint64_t pieces =
+      (std::bit_cast<std::uint64_t>(largest_stress) >> piece_bits) - first_piece;
+
+  ViscosityLaw law_;
+  // Not a number where the root has to be found.
+  std::vector<std::array<double, 4>> coefficients_;
+  double at_rest_;
+};
 
 }  // namespace estuary::fluid

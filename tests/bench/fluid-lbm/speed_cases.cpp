@@ -55,7 +55,7 @@ struct Bare : Case {
   void run(int steps) override {
     const FlowSettings& s = flow.settings();
     const CollideAndStream step = collide_and_stream(s.step());
-    const CollisionParameters parameters{s.rates, s.acceleration, s.magic_parameter, s.law};
+    const CollisionParameters parameters{s.rates, s.acceleration, s.magic_parameter, s.law, nullptr};
     Populations& populations = flow.populations();
     Sides& sides = flow.sides();
     const Parity start = populations.parity();

@@ -463,6 +463,30 @@ TEST(Rheology, LawsByTheirFormulae) {
   }
 }
 
+TEST(Rheology, TableOfViscositiesGivesTheRootEverywhere) {
+  ViscosityLaw law;
+  law.consistency = 0.02;
+  law.index = 0.4;
+  law.zero_shear = 0.7;
+  law.infinite_shear = 1e-3;
+  law.time_constant = 3e4;
+  law.yield_stress = 1e-4;
+  for (const Rheology rheology :
+       {Rheology::power_law, Rheology::carreau_yasuda, Rheology::bingham_papanastasiou}) {
+    for (const double largest : {0.5, 1e3}) {
+      law.rheology = rheology;
+      law.smallest = 2e-3;
+      law.largest = largest;
+      const ViscosityTable table(law);
+      EXPECT_EQ(table(0), viscosity_from_stress(law, 0));
+      for (double stress = 1e-22; stress < 1e5; stress *= 1.037) {
+        const double exact = viscosity_from_stress(law, stress);
+        ASSERT_NEAR(table(stress), exact, 1.01e-8 * exact) << static_cast<int>(rheology) << ' ' << stress;
+      }
+    }
+  }
+}
+
 // Between plates the eddy viscosity C^2 |u'| adds to nu: (nu + C^2 |u'|) u' = G y.
 TEST(Smagorinsky, ShearFollowsItsQuadraticLaw) {
   constexpr int rows = 24;
