@@ -267,8 +267,10 @@ void read_filling(SceneTable& solid, SolidScene& result) {
                                    " m");
   }
   if (by_number) {
-    const auto count =
-        static_cast<double>(std::max<std::int64_t>(1, solid.integer("particles_across", 2, 10000)));
+    auto count = static_cast<double>(std::max<std::int64_t>(1, solid.integer("particles_across", 2, 10000)));
+    if (result.placement == Placement::on_contour && result.nearly_incompressible(first) &&
+        std::fmod(count, 2.0) == 1)
+      result.raised = ++count;
     if (first.shape == Shape::points) solid.problem("particles_across", "a point list needs `spacing`");
     result.spacing = (thin > 0 ? thin : 1.0) / count;
   }
@@ -394,6 +396,7 @@ void read_bodies(SceneTable& solid, SolidScene& result) {
     body.box.spacing = result.spacing;
     body.box.clamp = result.clamp;
     body.box.placement = result.placement;
+    body.box.even = result.nearly_incompressible(body);
     body.box.periodic = result.periodic;
     if (result.law == LawName::j2_plasticity) continue;
     if (!body.material.plasticity.yield.empty())

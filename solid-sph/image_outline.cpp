@@ -132,12 +132,12 @@ Polygon evened(const Polygon& loop, double spacing, double window) {
     }
     return sum;
   };
-  const double count = std::max(6.0, std::round(total / spacing));
+  const auto count = static_cast<std::size_t>(std::max(6.0, std::round(total / spacing)));
   const double width = std::min(window, 0.25 * total);
   Polygon result;
-  result.reserve(static_cast<std::size_t>(count));
-  for (double k = 0; k < count; ++k) {
-    const double s = total * k / count;
+  result.reserve(count);
+  for (std::size_t k = 0; k < count; ++k) {
+    const double s = total * static_cast<double>(k) / static_cast<double>(count);
     const Point from = up_to(s - 0.5 * width), to = up_to(s + 0.5 * width);
     result.push_back({(to[0] - from[0]) / width, (to[1] - from[1]) / width});
   }
@@ -158,6 +158,7 @@ std::vector<std::vector<Polygon>> outlines_in_image(const GreyImage& image, cons
   std::stable_sort(outer.begin(), outer.end(),
                    [](const Polygon& a, const Polygon& b) { return signed_area(a) > signed_area(b); });
   std::vector<std::vector<Polygon>> result;
+  result.reserve(outer.size());
   for (Polygon& loop : outer) result.push_back({std::move(loop)});
   for (Polygon& hole : holes) {
     // Of the regions round it, the smallest is its own.

@@ -62,12 +62,14 @@ std::unique_ptr<Body> part_of(const Body& body, const std::vector<std::uint32_t>
 
 std::vector<double> masses_of(const Body& body, const std::vector<std::uint32_t>& particles) {
   std::vector<double> mass;
+  mass.reserve(particles.size());
   for (const std::uint32_t i : particles) mass.push_back(body.mass[i]);
   return mass;
 }
 
 std::vector<std::uint8_t> members_of(const Body& body, const std::vector<std::uint32_t>& particles) {
   std::vector<std::uint8_t> member;
+  member.reserve(particles.size());
   for (const std::uint32_t i : particles) member.push_back(body.member[i]);
   return member;
 }

@@ -44,11 +44,12 @@ Polygon resampled(const Polygon& loop, double spacing) {
     if (to <= from) to += n;
     double total = 0;
     for (std::size_t k = from; k < to; ++k) total += length(loop[(k + 1) % n] - loop[k % n]);
-    const double parts = std::max(corners.size() == 1 ? 3.0 : 1.0, std::round(total / spacing));
+    const auto parts =
+        static_cast<std::size_t>(std::max(corners.size() == 1 ? 3.0 : 1.0, std::round(total / spacing)));
     double walked = 0;
     std::size_t k = from;
-    for (double part = 0; part < parts; ++part) {
-      const double wanted = total * part / parts;
+    for (std::size_t part = 0; part < parts; ++part) {
+      const double wanted = total * static_cast<double>(part) / static_cast<double>(parts);
       double segment = length(loop[(k + 1) % n] - loop[k % n]);
       while (walked + segment < wanted * (1 - 1e-12) && k + 1 < to) {
         walked += segment;
@@ -124,12 +125,16 @@ double signed_area(const Polygon& polygon) {
 }
 
 Polygon circle(std::array<double, 2> centre, double radius, double spacing) {
-  const double count = std::max(8.0, std::round(2 * std::numbers::pi * radius / spacing));
-  const double angle = 2 * std::numbers::pi / count;
+  const auto count =
+      static_cast<std::size_t>(std::max(8.0, std::round(2 * std::numbers::pi * radius / spacing)));
+  const double angle = 2 * std::numbers::pi / static_cast<double>(count);
   const double r = radius * std::sqrt(angle / std::sin(angle));  // the polygon then has the circle's area
   Polygon polygon;
-  for (double k = 0; k < count; ++k)
-    polygon.push_back({centre[0] + r * std::cos(k * angle), centre[1] + r * std::sin(k * angle)});
+  polygon.reserve(count);
+  for (std::size_t k = 0; k < count; ++k) {
+    const double turned = static_cast<double>(k) * angle;
+    polygon.push_back({centre[0] + r * std::cos(turned), centre[1] + r * std::sin(turned)});
+  }
   return polygon;
 }
 
@@ -214,14 +219,14 @@ Body fill_outline(const std::vector<Polygon>& loops, const FillingOptions& optio
     }
   // Closer to the contour than this there is no room for another row.
   const double margin = 0.65 * d;
-  for (double x = low[0] + d; x < high[0]; x += d)
-    for (double y = low[1] + d; y < high[1]; y += d) {
-      if (!contains(contours, x, y)) continue;
+  for (Point p{low[0] + d, 0}; p[0] < high[0]; p[0] += d)
+    for (p[1] = low[1] + d; p[1] < high[1]; p[1] += d) {
+      if (!contains(contours, p[0], p[1])) continue;
       bool clear = true;
       for (const Polygon& loop : contours)
         for (std::size_t k = 0; clear && k < loop.size(); ++k)
-          clear = distance_to_segment({x, y}, loop[k], loop[(k + 1) % loop.size()]) > margin;
-      if (clear) body.position.insert(body.position.end(), {x, y});
+          clear = distance_to_segment(p, loop[k], loop[(k + 1) % loop.size()]) > margin;
+      if (clear) body.position.insert(body.position.end(), {p[0], p[1]});
     }
   const std::size_t n = body.position.size() / 2;
   body.volume.assign(n, d * d);

@@ -40,8 +40,9 @@ Axis arrange(const Box& box, std::size_t axis, End low, End high, bool end_corre
   const bool periodic = axis == 0 && box.periodic;
   const double half_cells = 0.5 * (static_cast<int>(low.half_row) + static_cast<int>(high.half_row));
   // Rows on a side own half a cell only, the others share the rest in full cells.
-  const double full_rows =
+  double full_rows =
       std::max(low.half_row && high.half_row ? 0.0 : 1.0, std::round(length / box.spacing - half_cells));
+  if (box.even && low.half_row && high.half_row && std::fmod(full_rows, 2.0) == 0) full_rows += 1;
   Axis result;
   result.spacing = length / (full_rows + half_cells);
   const auto add = [&](double position, double width, bool fixed, bool edge) {
@@ -56,7 +57,8 @@ Axis arrange(const Box& box, std::size_t axis, End low, End high, bool end_corre
   if (low.extra_row) add(from - 0.5 * d, d, true, false);
   if (low.half_row) add(from, 0.5 * d, low.clamped, true);
   const double first = from + (low.half_row ? d : whole ? 0.0 : 0.5 * d);
-  for (double i = 0; i < full_rows; ++i) add(first + i * d, d, false, false);
+  for (std::size_t i = 0; i < static_cast<std::size_t>(full_rows); ++i)
+    add(first + static_cast<double>(i) * d, d, false, false);
   if (high.half_row) add(box.to[axis], 0.5 * d, high.clamped, true);
   if (high.extra_row) add(box.to[axis] + 0.5 * d, d, true, false);
   result.energy_width = result.width;

@@ -34,6 +34,11 @@ struct Box {
   Clamp clamp = Clamp::line;
   Placement placement = Placement::on_contour;
   bool periodic = false;  // in x
+  // An even number of spacings across, with particles on both sides. With an odd one the pressure that
+  // alternates from row to row resists bending: a strain k y of the volume can then not be met by any motion
+  // of the rows, and the energy (k d^2 / L)^2 / 8 per volume and bulk modulus that is left (spacing d,
+  // thickness L) locks a nearly incompressible body.
+  bool even = false;
 
   [[nodiscard]] double length(std::size_t axis) const { return to[axis] - from[axis]; }
 };

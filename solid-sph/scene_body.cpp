@@ -170,7 +170,10 @@ public:
         y = py;
       }
     }
-    return fmt::format("; the nearest particle is at ({:.6g}, {:.6g}) m, {:.2g} m away", x, y, best);
+    return fmt::format(
+        "; the nearest particle is at ({:.6g}, {:.6g}) m, {:.2g} m away: move it there, or choose a "
+        "spacing that places one here",
+        x, y, best);
   }
 
 private:
@@ -197,7 +200,43 @@ void share_lengths(const Body& body, const std::vector<std::array<std::uint32_t,
   }
 }
 
+std::vector<std::uint32_t> particles_of(const Body& body, const Selection& selection) {
+  std::vector<std::uint32_t> chosen;
+  for (std::uint32_t i = 0; i < body.size(); ++i)
+    if (selection.holds(i)) chosen.push_back(i);
+  return chosen;
+}
+
+void check_conditions(const SolidScene& scene, const Body& body) {
+  std::vector<UnmetCondition> unmet;
+  for (std::size_t h = 0; h < scene.holds.size(); ++h) {
+    const Selection selection(scene, body, scene.holds[h].place);
+    if (particles_of(body, selection).empty())
+      unmet.push_back({"hold", h, "meets no particle" + selection.nearest()});
+  }
+  for (std::size_t l = 0; l < scene.loads.size() && !body.outlines.empty(); ++l) {
+    const Place& place = scene.loads[l].place;
+    const Selection selection(scene, body, place);
+    if (!selection.segments().empty()) continue;
+    if (!scene.bodies[place.body].shell)
+      unmet.push_back({"load", l, "meets no segment of a contour" + selection.nearest()});
+    else if (particles_of(body, selection).empty())
+      unmet.push_back({"load", l, "meets no particle of the shell" + selection.nearest()});
+  }
+  if (!unmet.empty()) throw UnmetConditions(std::move(unmet));
+}
+
+std::string all_of(const std::vector<UnmetCondition>& conditions) {
+  std::string text;
+  for (const auto& [table, number, message] : conditions)
+    text += fmt::format("{}[[solid.{}]] number {} {}", text.empty() ? "" : "; ", table, number + 1, message);
+  return text;
+}
+
 }  // namespace
+
+UnmetConditions::UnmetConditions(std::vector<UnmetCondition> found)
+    : std::invalid_argument(all_of(found)), conditions(std::move(found)) {}
 
 Body build_body(const SolidScene& scene) {
   // A fluid has no contour of its own once it moves.
@@ -225,21 +264,15 @@ Body build_body(const SolidScene& scene) {
       boxes.push_back(described.shape == Shape::box ? &described.box : nullptr);
     add_stress_points(body, boxes, scene.stress_points);
   }
-  for (std::size_t h = 0; h < scene.holds.size(); ++h) {
-    const HoldScene& hold = scene.holds[h];
+  for (const HoldScene& hold : scene.holds) {
     const Selection selection(scene, body, hold.place);
-    std::size_t count = 0;
     for (std::size_t i = 0; i < body.size(); ++i)
       if (selection.holds(i)) {
-        ++count;
         for (std::size_t c = 0; c < 2; ++c)
           if (hold.component[c]) body.fixed[i] = static_cast<std::uint8_t>(body.fixed[i] | (c == 0 ? 1 : 2));
         if (hold.rotation && scene.bodies[hold.place.body].shell)
           body.fixed[i] = static_cast<std::uint8_t>(body.fixed[i] | kRotationFixed);
       }
-    if (count == 0)
-      throw std::invalid_argument("[[solid.hold]] number " + std::to_string(h + 1) + " meets no particle" +
-                                  selection.nearest());
   }
   return body;
 }
@@ -271,6 +304,7 @@ void set_velocities(const SolidScene& scene, const Body& body, State& state) {
 
 Loading build_loading(const SolidScene& scene, const Body& body,
                       std::vector<std::unique_ptr<Expression>>& expressions) {
+  check_conditions(scene, body);
   Loading loading;
   loading.gravity = scene.gravity;
   loading.held = scene.held;
@@ -323,11 +357,7 @@ Loading build_loading(const SolidScene& scene, const Body& body,
     const auto segments = selection.segments();
     // A load on single particles of a shell.
     if (scene.bodies[scene_load.place.body].shell && (segments.empty() || scene_load.moment != 0)) {
-      std::vector<std::uint32_t> chosen;
-      for (std::uint32_t i = 0; i < body.size(); ++i)
-        if (selection.holds(i)) chosen.push_back(i);
-      if (chosen.empty())
-        throw std::invalid_argument("a [[solid.load]] meets no particle of the shell" + selection.nearest());
+      const std::vector<std::uint32_t> chosen = particles_of(body, selection);
       ParticleLoad load;
       load.particle = chosen;
       for (std::size_t k = 0; k < chosen.size(); ++k)
@@ -341,8 +371,6 @@ Loading build_loading(const SolidScene& scene, const Body& body,
         loading.loads.push_back(std::move(load));
       continue;
     }
-    if (segments.empty())
-      throw std::invalid_argument("a [[solid.load]] meets no segment of a contour" + selection.nearest());
     if (!scene_load.pressure.empty()) {
       PressureLoad load;
       load.segment = segments;

@@ -1,4 +1,5 @@
-// The SPH solid as a participant: one body in two dimensions, transient or steady.
+// The SPH solid as a participant: bodies in two dimensions, transient or steady. solid.cpp runs windows,
+// solid_watch.cpp says what is watched, solid_files.cpp writes.
 #pragma once
 
 #include <filesystem>
@@ -62,6 +63,7 @@ private:
   void write_surface(const std::filesystem::path& file) const;
 
   SolidScene scene_;
+  std::optional<Body> placed_;  // by configure, for the start
   std::filesystem::path folder_;
   Body body_;
   std::unique_ptr<Solver> solver_;

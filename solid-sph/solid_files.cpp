@@ -6,28 +6,6 @@
 
 namespace estuary::solid {
 
-std::array<double, 6> Solid::particle_stress(std::size_t i) const {
-  const Tensor<double> f = tensor_at(solver_->fields().deformation_gradient, i);
-  const Tensor<double> sigma = scaled(product(solver_->first_piola_kirchhoff_at(i), transposed(f)),
-                                      1 / (determinant(f) * solver_->stretch_across(i)));
-  const double zz = solver_->stress_across(i), xy = 0.5 * (sigma.xy + sigma.yx);
-  const double a = sigma.xx - sigma.yy, b = sigma.yy - zz, c = zz - sigma.xx;
-  const auto& history = solver_->history();
-  const double plastic = !scene_.plastic() || scene_.shells() || scene_.impact()
-                             ? 0.0
-                             : history[J2Plasticity::history_size * i + 4];
-  return {sigma.xx, sigma.yy, xy, zz, std::sqrt(0.5 * (a * a + b * b + c * c) + 3 * xy * xy), plastic};
-}
-
-std::array<double, 6> Solid::stress_at(const Transfer& transfer) const {
-  std::array<double, 6> value{};
-  for (std::size_t e = 0; e < transfer.weight.size(); ++e) {
-    const auto one = particle_stress(transfer.touched[transfer.position[e]]);
-    for (std::size_t c = 0; c < value.size(); ++c) value[c] += transfer.weight[e] * one[c];
-  }
-  return value;
-}
-
 void Solid::write_particles(const std::filesystem::path& file) const {
   const std::size_t n = body_.particles();
   std::vector<double> position(2 * n), body(n);

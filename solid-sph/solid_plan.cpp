@@ -20,6 +20,17 @@ double interior_neighbours(const std::array<double, 2>& spacing, double support)
   return count;
 }
 
+// Of the rectangle round the outline [m].
+double thinner_side(const BodyScene& body) {
+  std::array<double, 2> low{1e300, 1e300}, high{-1e300, -1e300};
+  for (const auto& point : body.loops.front())
+    for (std::size_t c = 0; c < 2; ++c) {
+      low[c] = std::min(low[c], point[c]);
+      high[c] = std::max(high[c], point[c]);
+    }
+  return std::min(high[0] - low[0], high[1] - low[1]);
+}
+
 void plan_rigid(const SolidScene& scene, const BodyScene& body, Plan& plan) {
   const auto mass = body.rigid->mass_and_inertia(body, scene.spacing);
   plan.derived.emplace_back("rigid \"" + body.name + "\"",
@@ -128,10 +139,19 @@ Plan plan_of(const SolidScene& scene) {
       plan.warnings.push_back(fmt::format(
           "poisson_ratio = {} is close to incompressible: law = \"neo_hooke_isochoric\" is made for it",
           body.material.poisson_ratio));
-  if (scene.single_box() && scene.bodies.front().material.poisson_ratio > 0.45 &&
-      scene.placement == Placement::on_contour && std::fmod(across, 2.0) == 0)
-    plan.warnings.emplace_back(
-        "an even number of rows stiffens bending near incompressibility; use an even particles_across");
+  if (scene.raised > 0)
+    add("particles_across",
+        fmt::format("raised to {}: an odd number locks nearly incompressible bodies in bending",
+                    scene.raised));
+  if (const BodyScene& first = scene.bodies.front();
+      scene.raised == 0 && first.shape == Shape::polygon && scene.nearly_incompressible(first)) {
+    const double number = thinner_side(first) / scene.spacing;
+    if (std::abs(number - std::round(number)) < 1e-6 && std::fmod(std::round(number), 2.0) == 1)
+      plan.warnings.push_back(fmt::format(
+          "{:.0f} spacings across: a straight strip with an odd number locks in bending when nearly "
+          "incompressible; use an even one",
+          number));
+  }
   if (scene.order == Order::linear && scene.placement == Placement::cell_centres && across < 20)
     plan.warnings.push_back(
         fmt::format("correction = \"linear\" with {} particles across makes bending too soft "

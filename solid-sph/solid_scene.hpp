@@ -115,6 +115,7 @@ enum class WindowLoad {
 struct SolidScene {
   std::vector<BodyScene> bodies;
   double spacing = 0;  // [m]
+  double raised = 0;   // `particles_across` where it was made even, else 0
   Placement placement = Placement::on_contour;
   int stress_points = 0;  // per cell of four particles
   bool updated_lagrangian = false;
@@ -156,6 +157,11 @@ struct SolidScene {
   double end_time = 0;   // [s]
 
   [[nodiscard]] bool plastic() const { return law == LawName::j2_plasticity; }
+  /// Whether the volume of a body hardly gives way where its shape does; see Box::even.
+  [[nodiscard]] bool nearly_incompressible(const BodyScene& body) const {
+    return plane == Plane::strain && !body.rigid && !body.shell && !body.fluid &&
+           (plastic() || body.material.poisson_ratio > 0.45);
+  }
   [[nodiscard]] bool single_box() const {
     return bodies.size() == 1 && bodies.front().shape == Shape::box && !bodies.front().rigid;
   }

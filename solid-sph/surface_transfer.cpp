@@ -232,8 +232,10 @@ ContourLine contour_line(const Body& body, std::span<const Side> sides) {
     const auto [a, b] = ends(box, side);
     const std::size_t axis = side == Side::left || side == Side::right ? 1 : 0;
     const double segments = std::max(1.0, std::round(box.length(axis) / body.spacing[axis]));
-    for (double k = 0; k < segments; ++k)
-      add(a.x + (b.x - a.x) * (k / segments), a.y + (b.y - a.y) * (k / segments));
+    for (std::size_t k = 0; k < static_cast<std::size_t>(segments); ++k) {
+      const double share = static_cast<double>(k) / segments;
+      add(a.x + (b.x - a.x) * share, a.y + (b.y - a.y) * share);
+    }
     if (step + 1 == static_cast<std::size_t>(count) && !line.closed) add(b.x, b.y);
   }
   return line;

@@ -23,8 +23,10 @@ TEST(CubicSpline, IntegratesToOne) {
 
 TEST(CubicSpline, SlopeIsTheDerivative) {
   const double h = 0.8, e = 1e-6;
-  for (double r = 0.05; r < 1.7; r += 0.0711)
+  for (int k = 0; k < 24; ++k) {
+    const double r = 0.05 + 0.0711 * k;
     EXPECT_NEAR(cubic_spline_slope(r, h), (cubic_spline(r + e, h) - cubic_spline(r - e, h)) / (2 * e), 1e-8);
+  }
   EXPECT_EQ(cubic_spline(1.6, h), 0);
   EXPECT_EQ(cubic_spline_slope(1.6, h), 0);
 }

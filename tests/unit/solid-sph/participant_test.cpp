@@ -5,6 +5,7 @@
 
 #include <unistd.h>
 
+#include <algorithm>
 #include <cmath>
 #include <filesystem>
 #include <fstream>
@@ -147,8 +148,11 @@ INSTANTIATE_TEST_SUITE_P(
                 "transient"},
         Refusal{"poisson_ratio = 0.3", "poisson_ratio = 0.3\npolygon = [[0,0],[1,1],[1,0],[0,1]]",
                 "give one of"},
-        Refusal{"[[watch]]", "[[solid.load]]\nside = \"top\"\nforce = [1, 0]\nramp = \"t +\"\n[[watch]]",
-                ""}));
+        Refusal{"[[watch]]", "[[solid.load]]\nside = \"top\"\nforce = [1, 0]\nramp = \"t +\"\n[[watch]]", ""},
+        Refusal{"[[watch]]", "[[solid.hold]]\nline = [[0, 0], [1, 0.001]]\n[[watch]]",
+                "meets no particle; the nearest particle is at (1, 0) m, 0.001 m away"},
+        Refusal{"[[watch]]", "[[solid.load]]\nline = [[1, 0.2], [1.025, 0.2]]\nforce = [1, 0]\n[[watch]]",
+                "meets no segment of a contour; the nearest particle is at (1, 0.1) m, 0.1 m away"}));
 
 TEST_P(Refuses, WithALineAndAReason) {
   Scene scene = Scene::parse(replaced(steady_fin(), GetParam().what, GetParam().with), "scene.toml");
@@ -178,6 +182,36 @@ TEST(Configure, WarnsAboutThinAndIncompressibleBodies) {
   text = replaced(text, "poisson_ratio = 0.3", "poisson_ratio = 0.495");
   const Running run(text);
   EXPECT_EQ(run.plan.warnings.size(), 2u);
+}
+
+TEST(Configure, NotesEveryHoldAndLoadThatMeetsNothingAtItsLine) {
+  const std::string text = steady_fin() +
+                           "[[solid.hold]]\nregion = [[0, 0], [0.5, 0.1]]\n"
+                           "[[solid.hold]]\nside = \"bottom\"\n"
+                           "[[solid.hold]]\nline = [[2, 0], [2, 1]]\n"
+                           "[[solid.load]]\nline = [[3, 0], [3, 1]]\npressure = 5\n";
+  Scene scene = Scene::parse(text, "scene.toml");
+  Solid solid;
+  solid.configure(scene, "solid");
+  std::vector<std::uint32_t> lines;
+  for (const auto& problem : scene.problems()) lines.push_back(problem.line);
+  const auto last = static_cast<std::uint32_t>(std::count(text.begin(), text.end(), '\n'));
+  EXPECT_THAT(lines, testing::ElementsAre(last - 8, last - 4, last - 2));
+}
+
+TEST(Configure, MakesNumbersAcrossEvenWhereVolumesHardlyGiveWay) {
+  const auto nodes = [](const char* across, const char* ratio) {
+    return Running(
+               replaced(replaced(steady_fin(), "particles_across = 4", across), "poisson_ratio = 0.3", ratio))
+        .brought.wet_surface()
+        .reference_positions_size();
+  };
+  EXPECT_EQ(nodes("particles_across = 5", "poisson_ratio = 0.495"),
+            nodes("particles_across = 6", "poisson_ratio = 0.495"));
+  EXPECT_EQ(nodes("spacing = 0.005", "poisson_ratio = 0.495"),
+            nodes("particles_across = 5", "poisson_ratio = 0.3") + 2);  // one more across; 20 along as before
+  EXPECT_LT(nodes("particles_across = 5", "poisson_ratio = 0.495\nplane = \"stress\""),
+            nodes("particles_across = 6", "poisson_ratio = 0.3"));
 }
 
 const char* const kTwoBodies = R"(
