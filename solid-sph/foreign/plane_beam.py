@@ -77,13 +77,13 @@ class TimoshenkoBeam(Participant):
             surface.connectivity.extend([k, k + 1])
         return payload.Exchange(wet_surface=surface, displacements=self.motion())
 
-    def moved(self, u, w, theta, offset):
-        """Displacement of a point `offset` from the axis, in the scene's frame."""
+    def moved(self, u, w, theta, offset, s):
+        """Displacement of the point at `s` along the axis and `offset` from it, in the scene's frame."""
         along, across = u - offset * math.sin(theta), w + offset * (math.cos(theta) - 1)
         return [along * self.axis[c] + across * self.normal[c] for c in range(2)]
 
     def motion(self):
-        displacement = [value for node, offset in self.wet for value in self.moved(*self.state[3 * node:3 * node + 3], offset)]
+        displacement = [value for node, offset in self.wet for value in self.moved(*self.state[3 * node:3 * node + 3], offset, self.length * node / self.elements)]
         return payload.Displacements(surface=1, displacement=displacement, velocity=[0.0] * len(displacement))
 
     def local(self, force):
@@ -170,7 +170,7 @@ class TimoshenkoBeam(Participant):
         node = min(self.elements - 1, max(0, int(s / self.length * self.elements)))
         share = s / self.length * self.elements - node
         before, after = self.state[3 * node:3 * node + 3], self.state[3 * node + 3:3 * node + 6]
-        x, y = self.moved(*((1 - share) * a + share * b for a, b in zip(before, after)), offset)
+        x, y = self.moved(*((1 - share) * a + share * b for a, b in zip(before, after)), offset, s)
         return {"displacement_x": x, "displacement_y": y, "displacement": math.hypot(x, y)}
 
 
@@ -184,6 +184,14 @@ class HingedBar(TimoshenkoBeam):
             self.spring = spring or 4 * self.bending / self.length
             plan["spring"] = f"{self.spring:.6g} N m"
         return plan
+
+    def moved(self, u, w, theta, offset, s):
+        """The foot stays on the floor, and what would turn into the floor ends at it: no fluid gets below the bar."""
+        if s == 0:
+            return [0.0, 0.0]
+        along, across = u - offset * math.sin(theta), w + offset * (math.cos(theta) - 1)
+        along = max(along, -s)
+        return [along * self.axis[c] + across * self.normal[c] for c in range(2)]
 
     def equilibrium(self, state, share):
         """Newton's method for the angle: spring times angle is the moment of the loads about the foot."""

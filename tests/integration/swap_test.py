@@ -226,12 +226,27 @@ class Lammps(Case):
             self.assertAlmostEqual(heights[0][k], heights[1][k], delta=1e-12)
         self.assertAlmostEqual(max(heights[0][70:]), max(heights[1][70:]), delta=4e-4)
 
-    def test_keeps_the_contract_and_refuses_an_implicit_scheme(self):
-        text = self.conform(SOURCE / "configs/grains/settling-disc.toml", "grains", 0, "--launch", "lammps-grains")
-        self.assertIn("a stopped run cannot be resumed", text)
-        done = self.coupler("check", SOURCE / "configs/three-way/grains-on-elastic-plate.toml", "--set", "grains.solver=lammps-grains")
+    def test_falls_onto_an_elastic_plate_as_grains_dem_does(self):
+        """Windows that are repeated, ten planes that move with the plate, and the forces on it."""
+        plate = SOURCE / "configs/three-way/grains-on-elastic-plate.toml"
+        sag = []
+        for solver in ("lammps-grains", "grains-dem"):
+            self.run_scene(plate, "--set", f"grains.solver={solver}", "--set", "grains.steps_per_contact=200", "--set", "fluid=off",
+                           "--set", "coupling.end_time=0.014", "--set", "output.frames=false", "--no-report")
+            self.assertEqual(self.summary()["windows"], 28)
+            sag.append(self.summary()["watch"]["middle"]["displacement_y"]["last"])
+        self.assertLess(sag[1], -5e-5)
+        self.assertAlmostEqual(sag[0] / sag[1], 1.0, delta=0.01)
+
+    def test_keeps_the_contract_and_says_where_it_cannot(self):
+        for scene, line in (("grains/settling-disc", "goes on from a checkpoint with the same bits +ok"),
+                            ("three-way/grains-on-elastic-plate", "rewinds to the same bits +ok")):
+            self.assertRegex(self.conform(SOURCE / f"configs/{scene}.toml", "grains", 0, "--launch", "lammps-grains"), line)
+        done = self.coupler("check", SOURCE / "configs/three-way/grains-on-elastic-plate.toml", "--set", "grains.solver=lammps-grains",
+                            "--set", "grains.rolling_law=viscous", "--set", "coupling.mode=steady")
         self.assertEqual(done.returncode, 2, done.all)
-        self.assertIn("no wet surface", done.stderr)
+        self.assertIn("'grains.rolling_law' is \"spring\" or \"none\" here", done.stderr)
+        self.assertIn('coupling.mode has to be "transient"', done.stderr)
 
 
 class Import(Case):
