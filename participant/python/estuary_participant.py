@@ -232,7 +232,12 @@ class Reception:
         for option, value in ((zmq.ROUTER_MANDATORY, 1), (zmq.LINGER, 500), (zmq.MAXMSGSIZE, 256 << 20),
                               (zmq.HEARTBEAT_IVL, 300), (zmq.HEARTBEAT_TIMEOUT, 15000)):
             self.socket.setsockopt(option, value)
+        if options.key:
+            import estuary_keys  # left out of runs on one machine
+            self.guard = estuary_keys.guard(zmq.Context.instance(), self.socket, options.key, options.allow)
+        before = os.umask(0o077)  # a local socket is its owner's
         self.socket.bind(options.bind)
+        os.umask(before)
         self.patience = options.orphan_timeout or float("inf")
         self.computing = concurrent.futures.ThreadPoolExecutor(1)
         self.owner, self.run, self.last_reply, self.counter = None, "", None, 0
@@ -318,15 +323,24 @@ def serve(participant):
     options.add_argument("--threads", type=int)
     options.add_argument("--orphan-timeout", type=float, default=0)
     options.add_argument("--check", action="store_true")
-    options.add_argument("--insecure", action="store_true", help="serve at an address that other machines reach; this kit has no keys")
+    options.add_argument("--key", help="file of the own CurveZMQ key pair (made by `coupler keys`)")
+    options.add_argument("--allow", action="append", default=[], help="file of the public key of a coupler that may come; may be repeated")
+    options.add_argument("--insecure", action="store_true", help="allow an address that other machines reach, without authentication")
+    options.add_argument("--version", action="version", version=participant.version)
     options = options.parse_args()
     if options.check:
         configured = configure(participant, protocol.Configure.FromString(sys.stdin.buffer.read()))
         sys.stdout.buffer.write(configured.SerializeToString())
         sys.exit(2 if configured.problems else 0)
-    if not options.insecure and not re.match(r"ipc://|tcp://(127\.|localhost:|\[::1\])", options.bind or ""):
-        print(f"{participant.name}: --bind {options.bind}: this kit serves ipc:// and tcp://127.0.0.1, others only with --insecure", file=sys.stderr)
+    def wrong(what):
+        print(f"{participant.name}: {what}", file=sys.stderr)
         sys.exit(2)
+    if not options.bind:
+        wrong("--bind is missing: the address to serve at, ipc:///path or tcp://host:port")
+    if bool(options.key) != bool(options.allow):
+        wrong("--key and --allow belong together")
+    if not options.key and not options.insecure and not re.match(r"ipc://|tcp://(127\.|localhost:|\[::1\])", options.bind):
+        wrong(f"other machines reach {options.bind}: give --key and --allow (`coupler keys` makes them), or --insecure")
     signal.signal(signal.SIGTERM, lambda *_: os._exit(1))
     signal.signal(signal.SIGINT, lambda *_: os._exit(1))
     options.folder.mkdir(parents=True, exist_ok=True)
@@ -335,7 +349,11 @@ def serve(participant):
     try:
         status = Reception(participant, options).serve()
     except zmq.ZMQError as error:
-        print(f"{participant.name}: the coupler is gone: {error}", file=sys.stderr)
+        print(f"{participant.name}: the coupler is gone, or the address is wrong: {error}", file=sys.stderr)
+    except Exception as error:
+        if type(error).__name__ != "KeyFault":
+            raise
+        print(f"{participant.name}: {error}", file=sys.stderr)
     zmq.Context.instance().destroy(linger=500)
     sys.stdout.flush()
     os._exit(status)  # a computation that is still going on does not hold us

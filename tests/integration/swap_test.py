@@ -2,7 +2,7 @@
 solvers of other houses where they are installed, the page on writing a solver, and the import of preCICE configurations.
 
 usage: swap_test.py BUILD SOURCE [TestCase[.test]...]"""
-import ctypes.util, csv, json, math, os, pathlib, re, shutil, subprocess, sys, tempfile, time, unittest
+import ctypes.util, csv, json, math, os, pathlib, re, shutil, socket, subprocess, sys, tempfile, time, unittest
 
 BUILD, SOURCE = (pathlib.Path(path).resolve() for path in sys.argv[1:3])
 BIN = BUILD / "bin"
@@ -168,6 +168,64 @@ class CInterface(Case):
         while here() and time.monotonic() < deadline:
             time.sleep(0.05)
         self.assertFalse(here())
+
+
+class Keys(Case):
+    """Participants in Python and in C at an address that other machines reach: encrypted, with lists of who may come."""
+    def address(self):
+        hosts = [word for word in subprocess.run(["hostname", "-I"], capture_output=True, text=True).stdout.split() if "." in word]
+        with socket.socket() as one:
+            one.bind(("", 0))
+            return f"tcp://{hosts[0] if hosts else '127.0.0.1'}:{one.getsockname()[1]}"
+
+    def serve(self, program, address, *options):
+        log = open(self.folder / f"{program}.log", "w")
+        process = subprocess.Popen([BIN / program, "--bind", address, "--folder", self.folder / program, *options], stdout=log, stderr=log)
+        self.addCleanup(lambda: (process.kill(), process.wait(), log.close()))
+
+    def setUp(self):
+        super().setUp()
+        for name in ("server", "coupler", "stranger"):
+            self.assertEqual(self.coupler("keys", name).returncode, 0)
+        self.keys = ["--key", self.folder / "server.key", "--allow", self.folder / "coupler.pub"]
+
+    def run_with(self, scene, address, *words, key="coupler"):
+        hosts = f'[hosts.coupler]\nkey = "{key}.key"\n[hosts.solid]\npublic_key = "server.pub"\n'
+        text = re.sub(r'\[solid\]\nsolver = ".*"', f'[solid]\nconnect = "{address}"', scene.read_text()) + hosts
+        return self.run_scene(self.write(text.replace("[coupling]", "[coupling]\nconnect_timeout = 3.0"), "remote.toml"), *words)
+
+    def test_python(self):
+        address = self.address()
+        self.serve("spring-cylinder", address, *self.keys)
+        scene = self.write('dimension = 2\n[coupling]\nmode = "transient"\nwindow = 0.1\nend_time = 0.5\n[fluid]\nsolver = "given-pressure"\n'
+                           '[solid]\nsolver = "spring-cylinder"\nmass = 2.0\nheld = ["x", "rotation"]\n[solid.disc]\nradius = 0.5\n')
+        refused = self.run_with(scene, address, key="stranger")
+        self.assertEqual(refused.returncode, 4, refused.all)
+        self.assertIn("refused a connection", (self.folder / "spring-cylinder.log").read_text())
+        done = self.run_with(scene, address)
+        self.assertEqual(done.returncode, 0, done.all)
+
+    def test_c(self):
+        address = self.address()
+        self.serve("mass-on-spring", address, *self.keys)
+        done = self.run_with(self.masses(), address)
+        self.assertEqual(done.returncode, 0, done.all)
+
+    def test_without_keys_it_is_refused_and_secrets_stay_secret(self):
+        def says(*words):
+            done = subprocess.run([BIN / "spring-cylinder", "--folder", self.folder / "x", *words], capture_output=True, text=True, timeout=20)
+            self.assertIn(done.returncode, (1, 2))
+            return done.stderr
+        there = ["--bind", "tcp://0.0.0.0:5555"]
+        self.assertIn("give --key and --allow", says(*there))
+        self.assertIn("belong together", says(*there, "--key", "server.key"))
+        (self.folder / "server.key").chmod(0o644)
+        self.assertIn("others than its owner", says(*there, *self.keys))
+        broken = self.write('public_key = "abc"\nsecret_key = "SECRETSECRET"\n', "broken.key")
+        broken.chmod(0o600)
+        text = says(*there, "--key", broken, "--allow", self.folder / "coupler.pub")
+        self.assertIn("holds no `public_key`", text)
+        self.assertNotIn("SECRET", text)
 
 
 class Page(Case):
