@@ -75,7 +75,7 @@ void warn_about_size(const Extent& extent, int number, const FluidScene& result,
     smallest = std::min(smallest, extent.high[axis] - extent.low[axis]);
   }
   smallest /= grid.spacing;
-  if (smallest < fewest_spacings) {
+  if (smallest < fewest_spacings * (1 - 1e-9)) {
     plan.warnings.push_back(fmt::format(
         "obstacle {} is {:.3g} spacings across; below 4 its shape is hardly seen", number, smallest));
   }
