@@ -29,14 +29,15 @@ def expect(condition, text):
 class Run:
     """One `coupler run` in the background."""
 
-    def __init__(self, scene, out, *options, limit=60):
+    def __init__(self, scene, out, *options, limit=60, program=PROGRAMS / "coupler", prefix=(), out_there=None):
+        """`prefix`: words before the command, where it runs elsewhere; `out_there`: what the folder is called there."""
         self.out = pathlib.Path(out)
         self.text = self.out.with_suffix(".txt")
         self.limit = limit
         self.begin = time.monotonic()
         self.file = open(self.text, "a+")
         self.process = subprocess.Popen(
-            [str(PROGRAMS / "coupler"), "run", str(scene), "--out", str(out), *options],
+            [*prefix, str(program), "run", str(scene), "--out", str(out_there or out), *options],
             stdout=self.file, stderr=self.file, stdin=subprocess.DEVNULL, cwd=ROOT, start_new_session=True)
 
     def said(self):
@@ -109,8 +110,9 @@ def rows(path):
     return [[row[k] for k in keep] for row in table]
 
 
-def expect_same(disturbed, undisturbed, frames=True):
-    """Bit for bit what an undisturbed run leaves: tables, watches, fields."""
+def expect_same(disturbed, undisturbed, frames=True, elsewhere=None):
+    """Bit for bit what an undisturbed run leaves: tables, watches, fields. `elsewhere`: folders of participants whose files stayed
+    on other machines. Returns how many files of fields were compared."""
     for name in ("iterations.csv", "convergence.csv"):
         if (undisturbed / name).exists():
             a, b = rows(disturbed / name), rows(undisturbed / name)
@@ -129,7 +131,7 @@ def expect_same(disturbed, undisturbed, frames=True):
         for path in (undisturbed / role).iterdir():
             if not path.name.endswith((".hdf", ".series")):
                 continue
-            other = disturbed / role / path.name
+            other = (elsewhere or {}).get(role, disturbed / role) / path.name
             expect(other.exists(), f"{role}/{path.name} is missing")
             expect(other.read_bytes() == path.read_bytes(), f"{role}/{path.name} differs")
             count += 1
