@@ -201,6 +201,10 @@ bool ChildProcess::stopped() const {
          state.si_pid == process_;
 }
 
+void ChildProcess::ask_to_end() const {
+  if (!ended_) ::kill(-process_, SIGTERM);
+}
+
 void ChildProcess::end(double seconds) {
   const auto deadline = steady_clock::now() + std::chrono::duration<double>(seconds);
   while (!ended() && steady_clock::now() < deadline) {

@@ -42,6 +42,8 @@ public:
   [[nodiscard]] double processor_seconds() const { return processor_seconds_; }
   /// A signal has stopped it (SIGSTOP, SIGTSTP) and none has let it go on.
   [[nodiscard]] bool stopped() const;
+  /// SIGTERM to the whole group.
+  void ask_to_end() const;
   /// Waits up to `seconds` for its end, then kills the whole group.
   void end(double seconds);
   [[nodiscard]] pid_t process() const { return process_; }

@@ -4,6 +4,7 @@
 
 #include <algorithm>
 #include <array>
+#include <chrono>
 #include <cmath>
 #include <sstream>
 
@@ -63,6 +64,9 @@ Value pick(SceneTable& table, const char* key, const std::array<std::string_view
   return found == names.end() ? values.front() : values[static_cast<std::size_t>(found - names.begin())];
 }
 
+// A network stands still for longer than a machine does [s].
+constexpr double lost_after_far = 5.0;
+
 void read_host(SceneTable& hosts, ParticipantScene& participant) {
   auto table = hosts.table_if(participant.role);
   if (!table) return;
@@ -73,6 +77,13 @@ void read_host(SceneTable& hosts, ParticipantScene& participant) {
   participant.public_key = table->text_or("public_key", "");
   if (!connects) participant.launch = launch;
   const bool remote = participant.launch == Launch::ssh || participant.launch == Launch::slurm;
+  if (table->has("lost_after"))
+    participant.lost_after = table->number("lost_after", {.minimum = 0.5, .maximum = 3600.0});
+  if (remote) {
+    participant.bind = table->text_or("bind", "");
+  } else if (table->has("bind")) {
+    table->problem("bind", "tells a participant that this run launches elsewhere where to listen");
+  }
   if (connects && launch != Launch::local && launch != Launch::manual)
     table->problem("launch", "the participant's own table says `connect`: it is started by somebody else");
   if (!connects && launch != Launch::local) participant.endpoint = table->text("address");
@@ -100,14 +111,19 @@ void read_hosts(SceneTable& root, CouplingScene& result) {
     for (const auto role : roles)
       if (result.find(role) == nullptr) hosts->leave_to_others({role});
   }
-  for (const auto& participant : result.participants) {
-    if (participant.endpoint.empty() || is_local(participant.endpoint) || result.insecure) continue;
+  for (auto& participant : result.participants) {
+    const bool stays_here = (participant.endpoint.empty() || is_local(participant.endpoint)) &&
+                            (participant.bind.empty() || is_local(participant.bind));
+    if (!(participant.lost_after > 0))
+      participant.lost_after =
+          stays_here ? std::chrono::duration<double>(lost_after).count() : lost_after_far;
+    if (stays_here || result.insecure) continue;
     if (!result.coupler_key.empty() && !participant.public_key.empty()) continue;
     root.problem(
         "",
         fmt::format("'{0}' serves at {1}, which other machines reach: name key files in `hosts.coupler.key` "
                     "and `hosts.{0}.public_key` (`coupler keys` makes them), or say `insecure = true`",
-                    participant.role, participant.endpoint));
+                    participant.role, participant.bind.empty() ? participant.endpoint : participant.bind));
   }
 }
 

@@ -30,13 +30,15 @@ struct ParticipantScene {
   std::string role;  // the scene's table: "fluid", "solid", "grains"
   std::vector<std::string> command;
   std::string endpoint;
-  int threads = 0;  // 0: all cores
+  std::string bind = {};  // where it listens, when that is not where it is reached (a forwarded port)
+  int threads = 0;        // 0: all cores
   Launch launch = Launch::local;
   std::string host = {};        // for ssh; for Slurm, when it has to be a certain one
   std::string folder = {};      // its working folder on that machine
   std::string key = {};         // file of its key pair on that machine
   std::string allow = {};       // file of the coupler's public key on that machine
   std::string public_key = {};  // file of its public key here
+  double lost_after = 0;        // [s] of silence, where it was not launched here
 
   [[nodiscard]] bool here() const { return launch == Launch::local; }
   [[nodiscard]] bool launched() const { return launch != Launch::manual; }

@@ -7,6 +7,7 @@
 #include <algorithm>
 #include <cstdlib>
 #include <cstring>
+#include <fstream>
 #include <random>
 #include <thread>
 
@@ -26,6 +27,8 @@ const char* const other_protocol =
     "for";
 // A reply that has not come although the participant says it is idle was lost; ask again.
 constexpr double ask_again_after = 1.0;
+// For ssh and srun to end what they launched [s].
+constexpr double remote_end = 1.0;
 // How long a process that runs on this machine may be silent.
 constexpr std::chrono::milliseconds starved_at_most{15000};
 
@@ -42,6 +45,19 @@ std::filesystem::path make_socket_folder() {
         fmt::format("cannot make a folder for local sockets at {}: {}", name, std::strerror(errno)));
   }
   return name;
+}
+
+// Of a participant's output: what ssh or srun say when they fail.
+std::string last_line(const std::filesystem::path& folder, const std::string& role) {
+  std::ifstream in(folder / "log" / (role + ".log"));
+  std::string last;
+  for (std::string line; std::getline(in, line);) {
+    line.erase(line.find_last_not_of("\r\n ") + 1);
+    // ssh's farewell, after whatever went wrong.
+    const bool farewell = line.starts_with("Connection to ") && line.ends_with(" closed.");
+    if (!line.empty() && !farewell) last = line;
+  }
+  return last;
 }
 
 std::string at(const Position& position) {
@@ -120,7 +136,9 @@ std::string Participants::endpoint_of(const ParticipantScene& participant) const
 void Participants::bring_back() {
   ++generation_;
   for (auto& participant : all_)
-    if (participant->child_) participant->child_->end(0);
+    if (participant->child_ && !participant->scene_.here()) participant->child_->ask_to_end();
+  for (auto& participant : all_)
+    if (participant->child_) participant->child_->end(participant->scene_.here() ? 0.0 : remote_end);
   for (auto& participant : all_) renew(*participant);
   for (auto& participant : all_) {
     const std::uint64_t process = participant->identity_.process();
@@ -149,6 +167,7 @@ void Participants::renew(RemoteParticipant& participant) {
   participant.channel_.drop_unsent();
   participant.channel_ = ClientChannel(endpoint_of(participant.scene_), security_of(participant.scene_));
   launch(participant, participant.channel_.endpoint(), folder_);
+  participant.launched_at_ = participant.last_attempt_at_ = steady_clock::now();
 }
 
 void Participants::wait_until_idle(RemoteParticipant& participant) {
@@ -201,8 +220,16 @@ std::string quoted(const std::string& word) {
 std::vector<std::string> sent_to_host(const ParticipantScene& participant, std::vector<std::string> words) {
   if (participant.launch == Launch::ssh) {
     // With a terminal of its own the process ends with the connection, a stopped one too.
-    std::vector<std::string> ssh = {
-        "ssh", "-tt", "-o", "BatchMode=yes", "-o", "ServerAliveInterval=5", participant.host, "exec"};
+    std::vector<std::string> ssh = {"ssh",
+                                    "-tt",
+                                    "-o",
+                                    "BatchMode=yes",
+                                    "-o",
+                                    "ServerAliveInterval=5",
+                                    "-o",
+                                    "ConnectTimeout=10",
+                                    participant.host,
+                                    "exec"};
     for (const auto& word : words) ssh.push_back(quoted(word));
     return ssh;
   }
@@ -220,9 +247,10 @@ std::vector<std::string> launch_command(const CouplingScene& scene, const Partic
   const std::string own_folder =
       participant.here() ? (folder / participant.role).string() : participant.folder;
   std::vector<std::string> words = participant.command;
-  words.insert(words.end(), {"--bind", endpoint, "--folder", own_folder,
-                             // Nobody asks it for anything while another is waited for.
-                             "--orphan-timeout", fmt::format("{}", 2 * scene.connect_timeout + 5)});
+  words.insert(words.end(),
+               {"--bind", participant.bind.empty() ? endpoint : participant.bind, "--folder", own_folder,
+                // Nobody asks it for anything while another is waited for.
+                "--orphan-timeout", fmt::format("{}", 2 * scene.connect_timeout + 5)});
   if (participant.threads > 0) words.insert(words.end(), {"--threads", std::to_string(participant.threads)});
   if (!participant.key.empty())
     words.insert(words.end(), {"--key", participant.key, "--allow", participant.allow});
@@ -294,6 +322,19 @@ void Participants::listen(RemoteParticipant& participant) {
   }
 }
 
+bool Participants::tries_again(RemoteParticipant& participant) {
+  constexpr int no_connection = 255;  // ssh's own exit status
+  constexpr double pause = 1.0;       // [s]
+  const bool out_of_reach = generation_ > 0 && participant.scene_.launch == Launch::ssh &&
+                            participant.child_->exit_status() == no_connection && !participant.last_heard_;
+  if (!out_of_reach || seconds_since(participant.launched_at_) > scene_.connect_timeout) return false;
+  if (seconds_since(participant.last_attempt_at_) > pause) {
+    launch(participant, participant.channel_.endpoint(), folder_);
+    participant.last_attempt_at_ = steady_clock::now();
+  }
+  return true;
+}
+
 void Participants::check_alive(RemoteParticipant& participant, const RemoteParticipant& asked,
                                const char* phase, const Position& position) {
   const auto lost = [&](const std::string& how) {
@@ -304,14 +345,24 @@ void Participants::check_alive(RemoteParticipant& participant, const RemoteParti
                             while_what, how));
   };
   if (participant.child_) {
-    if (const auto how = participant.child_->ended()) throw lost(*how);
+    if (const auto how = participant.child_->ended()) {
+      if (tries_again(participant)) return;
+      const std::string last =
+          participant.scene_.here() ? std::string() : last_line(folder_, participant.role());
+      throw lost(last.empty() ? *how : fmt::format("{}; the last it said: {}", *how, last));
+    }
   }
   if (!participant.last_heard_) return;
   const auto silence = steady_clock::now() - *participant.last_heard_;
   // A process of ours that is there and not stopped may merely have got no processor on a busy machine.
   const bool may_be_starved =
       participant.child_ && participant.scene_.here() && !participant.child_->stopped();
-  if (silence > (may_be_starved ? starved_at_most : lost_after)) {
+  const bool is_here = participant.child_ && participant.scene_.here();
+  const std::chrono::duration<double> patience =
+      may_be_starved ? starved_at_most
+      : is_here      ? lost_after
+                     : std::chrono::duration<double>(participant.scene_.lost_after);
+  if (silence > patience) {
     throw lost(fmt::format("nothing heard from it for {:.1f} s", seconds_since(*participant.last_heard_)));
   }
 }
@@ -339,9 +390,12 @@ void Participants::check_patience(RemoteParticipant& participant, const v1::Requ
                                   const Position& position, double waited) const {
   if (request.has_hello()) {
     if (waited <= scene_.connect_timeout) return;
-    throw loss(fmt::format("participant '{}' did not answer at {} within {} s", participant.role(),
-                           participant.channel_.endpoint(), scene_.connect_timeout),
-               "start it, check the address, or raise coupling.connect_timeout");
+    auto failure = loss(fmt::format("participant '{}' did not answer at {} within {} s", participant.role(),
+                                    participant.channel_.endpoint(), scene_.connect_timeout),
+                        "start it, check the address, or raise coupling.connect_timeout");
+    // Launched anew it would be waited for just as long, for nothing: its machine cannot be reached.
+    if (!participant.scene_.here()) failure.lost = false;
+    throw failure;
   }
   if (seconds_since(participant.last_progress_) <= scene_.stall_timeout) return;
   throw loss(

@@ -79,7 +79,9 @@ private:
   std::optional<v1::Reply> arrived_;  // its reply
   std::chrono::steady_clock::time_point arrived_at_{};
   std::optional<std::chrono::steady_clock::time_point> last_heard_;
-  std::chrono::steady_clock::time_point last_progress_{};  // when its counter last grew
+  std::chrono::steady_clock::time_point launched_at_{};      // for the first time since the start or a loss
+  std::chrono::steady_clock::time_point last_attempt_at_{};  // to launch it
+  std::chrono::steady_clock::time_point last_progress_{};    // when its counter last grew
 };
 
 /// Called a few times per second while waiting: for whom, what for, and for how long already [s].
@@ -152,6 +154,8 @@ private:
                               const Position& position, std::chrono::steady_clock::time_point asked);
   void check_alive(RemoteParticipant& participant, const RemoteParticipant& asked, const char* phase,
                    const Position& position);
+  /// True when its machine could not be reached and will be tried again.
+  bool tries_again(RemoteParticipant& participant);
 
   const CouplingScene& scene_;
   std::filesystem::path folder_;

@@ -192,7 +192,7 @@ void read_box(SceneTable& table, int number, FluidScene& result, Plan& plan) {
 
 void read_image(SceneTable& table, FluidScene& result) {
   static constexpr std::array<std::string_view, 2> solids{"dark", "bright"};
-  const std::string file = table.text("image");
+  const std::string file = table.file("image");
   const auto corner = table.numbers("corner", 2);
   const double pixel = table.number("pixel", Range::positive());
   const double threshold = table.number_or("threshold", 128, {0.0, 256.0, false});

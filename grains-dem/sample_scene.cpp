@@ -78,7 +78,7 @@ void read_groups(SceneTable& grains, GrainsScene& result) {
       group.grading = read_grading(table);
     } else if (table.has("file")) {
       group.kind = GroupScene::Kind::file;
-      group.file = table.text("file");
+      group.file = table.file("file");
     } else {
       table.problem("", "a group needs `positions`, `lattice`, `count` (spread over a box) or `file`");
     }

@@ -32,7 +32,8 @@ TriangleMesh read_mesh(SceneTable& table) {
   TriangleMesh mesh;
   try {
     if (table.has("mesh")) {
-      mesh = read_stl(table.text("mesh"));
+      const std::string file = table.file("mesh");
+      if (!file.empty()) mesh = read_stl(file);
       const double scale = table.number_or("scale", 1, Range::positive());
       const std::vector<double> shift = vector_or(table, "shift", 3, 0);
       for (std::size_t k = 0; k < mesh.node.size(); ++k) mesh.node[k] = scale * mesh.node[k] + shift[k % 3];

@@ -34,13 +34,14 @@ void on_signal(int /*signal*/) {
 class Reception {
 public:
   Reception(ServerChannel& channel, RequestQueue& queue, Conversation& conversation, ProgressBoard& board,
-            const Identity& identity, double orphan_timeout)
+            const Identity& identity, double orphan_timeout, double reconnect_timeout)
       : channel_(channel),
         queue_(queue),
         conversation_(conversation),
         board_(board),
         identity_(identity),
         orphan_timeout_(orphan_timeout),
+        reconnect_timeout_(reconnect_timeout),
         born_(steady_clock::now()),
         last_progress_(born_) {}
 
@@ -113,6 +114,7 @@ private:
     }
     if (owner_.empty()) spdlog::info("serves run {}", header.run_id());
     owner_ = incoming.client;
+    out_of_reach_since_.reset();
     if (judgement.course == Conversation::Course::repeat)
       (void)channel_.send(owner_, *conversation_.last_reply());
     if (judgement.course != Conversation::Course::carry_out) return;
@@ -127,9 +129,24 @@ private:
     next_refusal_ = channel_.refused() < 10 ? channel_.refused() + 1 : 2 * channel_.refused();
   }
 
-  // False when there is nobody to tell.
+  // False when there is nobody to tell any more. One whose connection broke may come back; it asks again for
+  // what was lost with it.
   bool tell_owner(const v1::Reply& reply) {
-    if (channel_.send(owner_, reply)) return true;
+    const auto now = steady_clock::now();
+    if (channel_.send(owner_, reply)) {
+      if (out_of_reach_since_) {
+        spdlog::info("the coupler is back after {:.1f} s",
+                     std::chrono::duration<double>(now - *out_of_reach_since_).count());
+      }
+      out_of_reach_since_.reset();
+      return true;
+    }
+    if (!out_of_reach_since_) {
+      if (reconnect_timeout_ > 0)
+        spdlog::warn("the coupler of run {} is out of reach", conversation_.run_id());
+      out_of_reach_since_ = now;
+    }
+    if (std::chrono::duration<double>(now - *out_of_reach_since_).count() < reconnect_timeout_) return true;
     spdlog::error("the coupler of run {} is gone", conversation_.run_id());
     return false;
   }
@@ -155,6 +172,8 @@ private:
   ProgressBoard& board_;
   const Identity& identity_;
   double orphan_timeout_;
+  double reconnect_timeout_;  // [s]
+  std::optional<steady_clock::time_point> out_of_reach_since_;
   steady_clock::time_point born_;
   steady_clock::time_point last_progress_;
   std::string owner_;
@@ -163,7 +182,7 @@ private:
 
 // The process before, which the coupler gave up, may need a moment to leave the port.
 std::unique_ptr<ServerChannel> bind_to(const std::string& endpoint, const ServerSecurity& security) {
-  constexpr std::chrono::seconds patience{3};
+  constexpr std::chrono::seconds patience{12};
   const auto deadline = steady_clock::now() + patience;
   while (true) {
     try {
@@ -196,6 +215,7 @@ int serve(int argc, char** argv, std::unique_ptr<Participant> participant) {
   std::string folder = ".";
   int threads = 0;
   double orphan_timeout = 0;
+  double reconnect_timeout = std::chrono::duration<double>(reconnect_within).count();
   bool check = false;
   ServerSecurity security;
   std::string key;
@@ -204,6 +224,9 @@ int serve(int argc, char** argv, std::unique_ptr<Participant> participant) {
   app.add_option("--folder", folder, "Folder for the files it writes")->capture_default_str();
   app.add_option("--threads", threads, "Threads to compute with; all cores when not given");
   app.add_option("--orphan-timeout", orphan_timeout, "End after so many seconds without a coupler; 0: never");
+  app.add_option("--reconnect-timeout", reconnect_timeout,
+                 "End after so many seconds without a connection to the coupler of a run (tcp:// only)")
+      ->capture_default_str();
   app.add_flag("--check", check, "Check the scene on standard input (a Configure message) and end");
   app.add_option("--key", key, "File of the own CurveZMQ key pair (made by `coupler keys`)");
   app.add_option("--allow", allowed, "File of the public key of a coupler that may come; may be repeated");
@@ -236,7 +259,9 @@ int serve(int argc, char** argv, std::unique_ptr<Participant> participant) {
     ProgressBoard board;
     Conversation conversation;
     RequestQueue queue(endpoint, conversation);
-    Reception reception(channel, queue, conversation, board, identity, orphan_timeout);
+    const bool same_machine = endpoint.starts_with("ipc://");
+    Reception reception(channel, queue, conversation, board, identity, orphan_timeout,
+                        same_machine ? 0.0 : reconnect_timeout);
     std::atomic<bool> computing_ended{false};
     bool stopped_properly = false;
     std::thread receiver([&] {
@@ -258,7 +283,8 @@ int serve(int argc, char** argv, std::unique_ptr<Participant> participant) {
       }
     });
 
-    Session session(*participant, folder, board);
+    // Whoever can enter a local socket may read what this process may read; others not.
+    Session session(*participant, folder, board, !same_machine);
     while (const auto request = queue.next()) {
       board.begin_phase(phase_name(*request));
       const auto reply = std::make_shared<const v1::Reply>(session.answer(*request));

@@ -34,9 +34,11 @@ v1::Error error_of(v1::Error::Kind kind, std::string field, std::string message,
 
 }  // namespace
 
-v1::Configured configure(Participant& participant, const v1::Configure& request) {
+v1::Configured configure(Participant& participant, const v1::Configure& request,
+                         const std::optional<std::filesystem::path>& files_below) {
   const std::vector<std::string> overrides(request.overrides().begin(), request.overrides().end());
   Scene scene = Scene::parse(request.scene(), request.scene_name(), overrides);
+  if (files_below) scene.confine_files(*files_below);
   v1::Configured configured;
   if (scene.problems().empty()) {
     const Plan plan = participant.configure(scene, request.role());
@@ -60,8 +62,8 @@ v1::Configured configure(Participant& participant, const v1::Configure& request)
   return configured;
 }
 
-Session::Session(Participant& participant, std::filesystem::path folder, ProgressBoard& board)
-    : participant_(participant), folder_(std::move(folder)), board_(board) {
+Session::Session(Participant& participant, std::filesystem::path folder, ProgressBoard& board, bool confined)
+    : participant_(participant), folder_(std::move(folder)), board_(board), confined_(confined) {
   participant_.report_to(board_);
 }
 
@@ -106,6 +108,9 @@ std::filesystem::path Session::inside_folder(const std::string& file) const {
   if (path.empty() || path.has_parent_path() || file == "." || file == "..") {
     throw BadInput("file", fmt::format("'{}' is not a plain file name", file));
   }
+  std::error_code ignored;
+  if (std::filesystem::is_symlink(folder_ / path, ignored))
+    throw BadInput("file", fmt::format("'{}' is a link that leads elsewhere", file));
   return folder_ / path;
 }
 
@@ -114,7 +119,8 @@ v1::Reply Session::carry_out(const v1::Request& request) {
   switch (request.phase_case()) {
     case v1::Request::kConfigure: {
       if (started_) throw OutOfOrder("Configure after Start");
-      *reply.mutable_configured() = configure(participant_, request.configure());
+      *reply.mutable_configured() =
+          configure(participant_, request.configure(), confined_ ? std::optional(folder_) : std::nullopt);
       configured_ = reply.configured().problems().empty();
       break;
     }

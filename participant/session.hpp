@@ -4,6 +4,7 @@
 
 #include <filesystem>
 #include <memory>
+#include <optional>
 #include <string>
 
 #include "estuary/v1/protocol.pb.h"
@@ -13,7 +14,9 @@ namespace estuary {
 
 class Session {
 public:
-  Session(Participant& participant, std::filesystem::path folder, ProgressBoard& board);
+  /// `confined`: scenes may name files below `folder` only, because they come from elsewhere.
+  Session(Participant& participant, std::filesystem::path folder, ProgressBoard& board,
+          bool confined = false);
 
   /// Carries out one request (any but Hello) and says how it went. Never throws: whatever the phase method
   /// throws becomes an Error.
@@ -32,6 +35,7 @@ private:
   Participant& participant_;
   std::filesystem::path folder_;
   ProgressBoard& board_;
+  bool confined_;
   bool configured_ = false;
   bool started_ = false;
   bool advanced_ = false;  // since the last accept
@@ -39,7 +43,9 @@ private:
   double compute_seconds_ = 0;
 };
 
-/// The answer to Configure, also used by --check.
-v1::Configured configure(Participant& participant, const v1::Configure& request);
+/// The answer to Configure, also used by --check. Files that the scene names lie below `files_below`, where
+/// there is such a folder.
+v1::Configured configure(Participant& participant, const v1::Configure& request,
+                         const std::optional<std::filesystem::path>& files_below = {});
 
 }  // namespace estuary

@@ -13,6 +13,7 @@
 #include <atomic>
 #include <cerrno>
 #include <cstring>
+#include <random>
 #include <vector>
 #include <zmq.hpp>
 
@@ -25,7 +26,10 @@ namespace {
 constexpr int heartbeat_interval_ms = 300;
 // Between machines only heartbeats tell that the other one is gone. On one machine the end of a process
 // closes its socket, and a late heartbeat means that the machine is busy.
-constexpr int remote_heartbeat_timeout_ms = 1500;
+// Networks stand still for seconds: a connection that is closed for it can be opened again, but costs time.
+constexpr int remote_heartbeat_timeout_ms = 5000;
+constexpr int connect_timeout_ms = 2000;  // the kernel would go on for minutes
+constexpr int handshake_timeout_ms = 5000;
 constexpr int local_heartbeat_timeout_ms = 15000;
 constexpr std::size_t longest_ipc_path = 107;  // sun_path
 
@@ -41,6 +45,8 @@ void set_limits(zmq::socket_t& socket, const std::string& endpoint) {
   socket.set(zmq::sockopt::heartbeat_timeout,
              is_local(endpoint) ? local_heartbeat_timeout_ms : remote_heartbeat_timeout_ms);
   socket.set(zmq::sockopt::sndtimeo, 2000);
+  socket.set(zmq::sockopt::connect_timeout, connect_timeout_ms);
+  socket.set(zmq::sockopt::handshake_ivl, handshake_timeout_ms);
 }
 
 std::string ipc_path(const std::string& endpoint) {
@@ -116,10 +122,12 @@ public:
         if (!events_.recv(address, zmq::recv_flags::dontwait)) break;
       if (kind == ZMQ_EVENT_HANDSHAKE_SUCCEEDED) {
         in_a_row_ = 0;
+        was_let_in_ = true;
         continue;
       }
       ++refused_;
-      ++in_a_row_;
+      // Who was let in before has the right key: a connection that breaks off is the network's doing.
+      if (!was_let_in_ || kind == ZMQ_EVENT_HANDSHAKE_FAILED_AUTH) ++in_a_row_;
       last_ = kind == ZMQ_EVENT_HANDSHAKE_FAILED_AUTH       ? "its key is not on the list"
               : kind == ZMQ_EVENT_HANDSHAKE_FAILED_PROTOCOL ? "it speaks without a key, or not as it should"
                                                             : "it was made for another key, or broke off";
@@ -133,6 +141,7 @@ private:
   zmq::socket_t events_;
   std::uint64_t refused_ = 0;
   std::uint64_t in_a_row_ = 0;
+  bool was_let_in_ = false;
   std::string last_;
 };
 
@@ -170,6 +179,16 @@ const char* phase_name(const v1::Request& request) {
   return "nothing";
 }
 
+namespace {
+
+// A name that nobody else has: with it a connection that broke and was made anew is known as the same.
+std::string new_routing_id() {
+  std::random_device random;
+  return fmt::format("c{:08x}{:08x}{:08x}", random(), random(), random());
+}
+
+}  // namespace
+
 struct ClientChannel::Socket {
   zmq::socket_t socket{context(), zmq::socket_type::dealer};
   Doorkeeper door;  // with keys
@@ -188,6 +207,7 @@ ClientChannel::ClientChannel(const std::string& endpoint, const ClientSecurity& 
                     endpoint));
   }
   set_limits(socket_->socket, endpoint);
+  socket_->socket.set(zmq::sockopt::routing_id, new_routing_id());
   if (security.has_keys()) {
     give_keys(socket_->socket, security.own);
     socket_->socket.set(zmq::sockopt::curve_serverkey, security.server_key);
@@ -368,6 +388,8 @@ ServerChannel::ServerChannel(const std::string& endpoint, const ServerSecurity& 
   set_limits(socket_->socket, endpoint);
   // Sending to a client that went away must fail: this is how a participant notices that the coupler is gone.
   socket_->socket.set(zmq::sockopt::router_mandatory, true);
+  // One that comes back before its broken connection was noticed takes the place of it.
+  socket_->socket.set(zmq::sockopt::router_handover, true);
   if (security.has_keys()) {
     socket_->gate.emplace(context().handle(), security.allowed);
     give_keys(socket_->socket, security.own);

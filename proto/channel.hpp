@@ -37,6 +37,10 @@ struct AddressInUse : ChannelError {
 /// True for ipc:// and for tcp:// on 127.0.0.0/8, ::1 or localhost.
 [[nodiscard]] bool is_local(const std::string& endpoint);
 
+/// How long a coupler that went out of reach may take to come back, before a participant takes it for gone.
+/// Between processes of one machine, ipc://, a connection does not break by accident.
+inline constexpr std::chrono::milliseconds reconnect_within{3000};
+
 /// The name of the request's phase, for people.
 [[nodiscard]] const char* phase_name(const v1::Request& request);
 

@@ -197,6 +197,24 @@ SceneTable SceneTable::table(std::string_view key) {
   return {document_, child(*node_, std::string(key), table)};
 }
 
+std::string SceneTable::file(std::string_view key) {
+  std::string name = text(key);
+  if (name.empty() || !document_->files_below) return name;
+  // With every symbolic link followed: one may lead out again.
+  std::error_code error;
+  const auto folder = std::filesystem::weakly_canonical(*document_->files_below, error);
+  if (!error) {
+    const auto path = std::filesystem::weakly_canonical(folder / name, error);
+    const auto [end, rest] = std::mismatch(folder.begin(), folder.end(), path.begin(), path.end());
+    if (!error && end == folder.end() && rest != path.end()) return path.string();
+  }
+  problem(key,
+          fmt::format("'{}' is not in the working folder of the participant ({}), the only place where a "
+                      "scene that came over the network may name files: put it there",
+                      detail::shortened(name), document_->files_below->string()));
+  return {};
+}
+
 std::optional<SceneTable> SceneTable::table_if(std::string_view key) {
   if (ask(*node_, key) == nullptr) return std::nullopt;
   return table(key);
@@ -284,6 +302,10 @@ Scene Scene::parse(std::string_view text, std::string_view name, std::span<const
 
 SceneTable Scene::root() const {
   return {document_, document_->root_node};
+}
+
+void Scene::confine_files(const std::filesystem::path& folder) {
+  document_->files_below = std::filesystem::absolute(folder);
 }
 
 const std::string& Scene::name() const {

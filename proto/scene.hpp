@@ -7,6 +7,7 @@
 #pragma once
 
 #include <cstdint>
+#include <filesystem>
 #include <limits>
 #include <memory>
 #include <optional>
@@ -69,6 +70,9 @@ public:
   /// One of `allowed`; the first entry is the default. Another word is a problem that lists them.
   std::string choice(std::string_view key, std::span<const std::string_view> allowed);
   std::vector<std::string> texts_or_empty(std::string_view key);
+  /// Name of a file to be read: as it is, or, in a scene whose files are confined, with its folder. Empty
+  /// after a problem, which is also what a file outside of that folder is.
+  std::string file(std::string_view key);
   std::optional<SceneTable> table_if(std::string_view key);
   /// Entries of an array of tables ([[key]]); empty when absent.
   std::vector<SceneTable> tables(std::string_view key);
@@ -99,6 +103,9 @@ public:
 
   [[nodiscard]] SceneTable root() const;
   [[nodiscard]] const std::string& name() const;
+  /// From now on the scene's tables name files below `folder` only, and relative to it: for a scene that
+  /// comes from somebody who must not read what this process may read.
+  void confine_files(const std::filesystem::path& folder);
   [[nodiscard]] const std::vector<SceneProblem>& problems() const;
   /// The scene with its overrides, as TOML text; the original text when there are none.
   [[nodiscard]] std::string as_run() const;

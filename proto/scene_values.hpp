@@ -31,7 +31,8 @@ struct SceneDocument {
   toml::table root;
   toml::source_path_ptr source;  // tells nodes of the file from those of overrides
   std::shared_ptr<SceneNode> root_node;
-  std::vector<SceneProblem> problems;  // in the order of the file, those without a place last
+  std::optional<std::filesystem::path> files_below;  // the only folder whose files may be read
+  std::vector<SceneProblem> problems;                // in the order of the file, those without a place last
 };
 
 /// What a value is, in words: "the integer 3", "an array of 2 values".

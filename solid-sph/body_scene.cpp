@@ -16,7 +16,7 @@ constexpr std::array<std::string_view, 6> kShapes{"box", "disc", "polygon", "ima
 std::vector<BodyScene> regions_of(SceneTable table, const SolidScene& scene, const BodyScene& body) {
   constexpr std::array<std::string_view, 2> solids{"dark", "bright"};
   ImageMap map;
-  const std::string file = table.text("file");
+  const std::string file = table.file("file");
   const auto corner = table.numbers("corner", 2);
   map.pixel = table.number("pixel", Range::positive());
   map.threshold = table.number_or("threshold", 128, {.minimum = 0, .maximum = 256});
@@ -166,7 +166,8 @@ void read_shape(SceneTable& table, SolidScene& result, BodyScene& body) {
     if (line.size() < 2) table.problem("polyline", "needs at least two points [[x, y], ...]");
   } else {
     body.shape = Shape::points;
-    read_points(table, table.text("points"), result.spacing > 0 ? result.spacing : 1.0, body);
+    const std::string file = table.file("points");
+    if (!file.empty()) read_points(table, file, result.spacing > 0 ? result.spacing : 1.0, body);
   }
 }
 

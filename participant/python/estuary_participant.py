@@ -54,6 +54,8 @@ def check_surface(surface):
 
 class Table:
     """One table of the scene. Keys that nobody took are refused with the line they are in."""
+    files_below = None  # the only folder of files that a scene may name, where it came over the network
+
     def __init__(self, values, name, text):
         self.values, self.name, self.lines, self.taken, self.problems = values, name, text.splitlines(), set(), []
 
@@ -69,6 +71,20 @@ class Table:
         else:
             return value
         return kind() if kind else None
+
+    def take_file(self, key):
+        """The name of a file to be read, "" when there is none; in a scene that came over the network one below the working
+        folder, with that folder."""
+        name = self.take(key, "", str)
+        if name and self.files_below:
+            folder = self.files_below.resolve()
+            path = (folder / name).resolve()
+            if folder not in path.parents:
+                self.problem(key, f"'{name}' is not in the working folder of the participant ({folder}), the only place where a "
+                                  "scene that came over the network may name files: put it there")
+                return ""
+            name = str(path)
+        return name
 
     def problem(self, key, message):
         inside, place = False, 0
@@ -174,6 +190,8 @@ class Session:
     def inside(self, file):
         if not re.fullmatch(r"[\w.-]+", file) or file in (".", ".."):
             raise Refused(f"'{file}' is not a plain file name", field="file")
+        if (self.folder / file).is_symlink():
+            raise Refused(f"'{file}' is a link that leads elsewhere", field="file")
         return self.folder / file
 
     def carry_out(self, request, reply):
@@ -345,6 +363,8 @@ def serve(participant):
     signal.signal(signal.SIGINT, lambda *_: os._exit(1))
     options.folder.mkdir(parents=True, exist_ok=True)
     participant.folder = options.folder
+    if not options.bind.startswith("ipc://"):
+        Table.files_below = options.folder
     status = 1
     try:
         status = Reception(participant, options).serve()

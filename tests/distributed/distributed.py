@@ -17,8 +17,9 @@ sys.path.insert(0, str(HERE.parent / "faults"))
 from driver import Failure, Place  # noqa: E402  the folder has to be on the path first
 import host_cases  # noqa: E402
 import hosts  # noqa: E402
+import relay_cases  # noqa: E402
 
-MODULES = ((host_cases, hosts.why_not),)
+MODULES = ((relay_cases, lambda: None), (host_cases, hosts.why_not))
 
 
 def main():

@@ -106,6 +106,8 @@ class Host:
         children = pathlib.Path(f"/proc/{self.process.pid}/task/{self.process.pid}/children").read_text().split()
         self.first = int(children[0])  # process 1 of the host
         command("ip", "link", "add", self.link, "type", "veth", "peer", "name", "eth0", "netns", str(self.first))
+        # The same card again after a power failure: who knew it need not ask anew.
+        self.run("ip", "link", "set", "eth0", "address", "02:77:" + ":".join(f"{int(part):02x}" for part in self.address.split(".")))
         command("ip", "link", "set", self.link, "master", self.network.bridge, "up")
         self.run("ip", "addr", "add", f"{self.address}/24", "dev", "eth0")
         self.run("ip", "link", "set", "eth0", "up")
@@ -135,13 +137,13 @@ class Host:
         command("ip", "link", "set", self.link, "down" if yes else "up")
 
     def processes(self, name):
-        """Numbers of the host's processes of a program."""
+        """Numbers of the host's processes of a program; not of those that only wait for process 1, a mere sleep, to bury them."""
         found = []
         namespace = os.readlink(f"/proc/{self.first}/ns/pid")
         for entry in pathlib.Path("/proc").iterdir():
             try:
                 if entry.name.isdigit() and (entry / "comm").read_text().strip() == name[:15] \
-                        and os.readlink(entry / "ns/pid") == namespace:
+                        and os.readlink(entry / "ns/pid") == namespace and "State:\tZ" not in (entry / "status").read_text():
                     found.append(int(entry.name))
             except OSError:
                 continue
@@ -193,3 +195,7 @@ class HostRun(Run):
         super().__init__(f"/root/{scene}", host.home / out, *options, limit=limit, prefix=host.enter(),
                          program="/mnt/programs/coupler", out_there=f"/root/{out}")
         self.host = host
+
+    def coupler(self):
+        """Number of the coupler's process: nsenter waits for it."""
+        return self.host.processes("coupler")[0]

@@ -88,7 +88,7 @@ class Run:
 
     def expect_end(self, status, line=None):
         found = self.end()
-        expect(found == status, f"exit status {found} instead of {status}:\n{self.said()}\n{self.log()[-3000:]}")
+        expect(found == status, f"exit status {found} instead of {status}:\n{self.said()[-3000:]}\n{self.log()[-1500:]}")
         if line is not None:
             expect(line in self.said(), f"'{line}' was not said:\n{self.said()}")
         deadline = time.monotonic() + 2

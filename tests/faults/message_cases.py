@@ -3,12 +3,13 @@ import os
 import random
 import socket
 import struct
+import subprocess
 import time
 
 import zmq
 
-from driver import PROGRAMS, expect, finished
-from security_cases import Server
+from driver import PROGRAMS, ROOT, expect, finished
+from security_cases import Server, free_port
 
 
 # Protocol Buffers by hand: enough for headers, and for what is wrong on purpose.
@@ -183,3 +184,62 @@ def case_fields_that_are_wrong(place):
         scene = place.springs(**{who: bad})
         run = finished(scene, place.folder / f"{who}-{kind}", status=status, line=line)
         expect("window 7" in run.said() and "saved after window 5" in run.said(), run.said())
+
+
+# A scene of each kind of file that a solver reads, with the file at %s.
+FILES = {
+    "fluid-lbm": [("fluid", "configs/fluid/cavity.toml", '[[fluid.obstacle]]\nimage = "%s"\ncorner = [0.2, 0.2]\npixel = 0.01\n', "png")],
+    "solid-sph": [("solid", None, 'dimension = 2\n[coupling]\nmode = "steady"\n[solid]\npoints = "%s"\nspacing = 0.1\ndensity = 1.0\n'
+                                  'young_modulus = 1.0\npoisson_ratio = 0.3\n', "csv"),
+                  ("solid", None, 'dimension = 2\n[coupling]\nmode = "steady"\n[solid]\nspacing = 0.1\ndensity = 1.0\nyoung_modulus = 1.0\n'
+                                  'poisson_ratio = 0.3\n[solid.image]\nfile = "%s"\ncorner = [0, 0]\npixel = 0.1\n', "png")],
+    "grains-dem": [("grains", "configs/grains/bouncing-ball.toml", '[[grains.group]]\nfile = "%s"\n', "csv"),
+                   ("grains", "configs/grains/spheres-in-funnel.toml", '[[grains.wall]]\nname = "other"\nmesh = "%s"\n', "stl")],
+    "given-pressure": [("fluid", None, 'dimension = 2\n[coupling]\nmode = "steady"\n[fluid]\nfile = "%s"\n', "csv")],
+}
+
+
+def case_files_that_a_scene_names(place):
+    """Over the network a scene reads what lies in the server's working folder, writes nowhere else and starts nothing."""
+    count = 0
+    outside = place.folder / "outside"
+    outside.mkdir()
+    started = place.folder / "started"
+    for program, scenes in FILES.items():
+        folder = place.folder / program
+        folder.mkdir()
+        port = free_port()
+        with open(place.folder / f"{program}.log", "w") as log:
+            server = subprocess.Popen([str(PROGRAMS / program), "--bind", f"tcp://127.0.0.1:{port}", "--folder", str(folder)],
+                                      stdout=log, stderr=log)
+        client = Client(f"tcp://127.0.0.1:{port}")
+        sequence = 0
+        try:
+            for role, base, more, kind in scenes:
+                # What can be read is valid enough to be read, so that only its place is wrong.
+                for where in (folder, outside):
+                    (where / f"own.{kind}").write_text("solid\nendsolid\n" if kind == "stl" else "0,0\n1,1\n")
+                link = folder / f"link.{kind}"
+                link.symlink_to(outside / f"own.{kind}")
+                (folder / "away").unlink(missing_ok=True)
+                (folder / "away").symlink_to(outside)
+                for name, refused in ((f"own.{kind}", False), (f"{folder}/own.{kind}", False), (f"../outside/own.{kind}", True),
+                                      (f"{outside}/own.{kind}", True), (f"link.{kind}", True), (f"away/own.{kind}", True),
+                                      ("/etc/passwd", True), ("/dev/zero", True), ("/proc/self/environ", True)):
+                    text = ((ROOT / base).read_text() if base else "") + "\n" + more % name
+                    text = text.replace(f"[{role}]\n", f"[{role}]\nsolver = \"touch {started}\"\n", 1)
+                    sequence += 1
+                    reply = client.ask(request(CONFIGURE, field(1, role.encode()) + field(3, text.encode()), sequence=sequence), limit=20)
+                    expect(3 in reply, f"{program}: no Configured for {name} but {reply}")
+                    found = b"is not in the working folder" in reply[3]
+                    expect(found == refused, f"{program}, {kind}, {name}: {reply[3]}")
+                    count += 1
+            for number in (server.pid, *(int(entry) for entry in os.listdir(f"/proc/{server.pid}/task"))):
+                expect(not open(f"/proc/{server.pid}/task/{number}/children").read(), f"{program} has started something")
+            expect(server.poll() is None, f"{program} has ended")
+        finally:
+            client.close()
+            server.kill()
+            server.wait()
+    expect(not started.exists(), "a program of the scene was started")
+    return f"{count} names of files"

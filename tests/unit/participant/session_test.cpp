@@ -17,6 +17,7 @@ public:
   Plan configure(Scene& scene, const std::string& role) override {
     SceneTable table = scene.root().table(role);
     table.number("density", Range::positive());
+    if (table.has("image")) image = table.file("image");
     table.refuse_unknown_keys();
     Plan plan;
     plan.variant = "one";
@@ -44,6 +45,7 @@ public:
   std::vector<std::string> frame(std::uint64_t /*number*/, double /*time*/) override { return {"frame.hdf"}; }
 
   std::string calls;
+  std::string image;
   std::filesystem::path saved;
   bool can_save = true;
   void (*fail)() = nullptr;
@@ -113,6 +115,56 @@ TEST_F(SessionTest, GivesAllProblemsOfAScene) {
   EXPECT_EQ(configured.problems(0).line(), 2U);
   EXPECT_EQ(configured.problems(1).line(), 3U);
   EXPECT_EQ(start().error().kind(), v1::Error::OUT_OF_ORDER);
+}
+
+// A scene that came over the network names files of the working folder, and no others.
+TEST_F(SessionTest, ConfinesFilesOfAScene) {
+  const auto folder = temporary_.path() / "run";
+  std::filesystem::create_directories(folder / "below");
+  for (const auto& file : {folder / "own.png", folder / "below" / "own.png", temporary_.path() / "other.png"})
+    std::ofstream(file) << "x";
+  std::filesystem::create_symlink(temporary_.path() / "other.png", folder / "link.png");
+  std::filesystem::create_directory_symlink(temporary_.path(), folder / "out");
+  std::filesystem::create_symlink("own.png", folder / "inner.png");
+  const auto named = [&](const std::string& file, bool confined) {
+    Session session(recorder_, folder, board_, confined);
+    v1::Request request;
+    request.mutable_configure()->set_role("solid");
+    request.mutable_configure()->set_scene("[solid]\ndensity = 1.0\nimage = \"" + file + "\"\n");
+    const auto problems = session.answer(request).configured().problems();
+    for (const auto& problem : problems) EXPECT_EQ(problem.line(), 3U) << problem.message();
+    return problems.empty();
+  };
+  const std::string own = (folder / "own.png").string(), other = (temporary_.path() / "other.png").string();
+  for (const std::string& file :
+       {std::string("own.png"), std::string("./below/../own.png"), own, std::string("inner.png")}) {
+    EXPECT_TRUE(named(file, true)) << file;
+    EXPECT_EQ(recorder_.image, std::filesystem::canonical(own)) << file;
+  }
+  EXPECT_TRUE(named("below/own.png", true));
+  EXPECT_TRUE(named("not-there.png", true));  // whoever opens it says so
+  for (const std::string& file :
+       {other, std::string("../other.png"), std::string("below/../../other.png"), std::string("link.png"),
+        std::string("out/other.png"), std::string("/etc/passwd"), std::string("."), std::string("..")}) {
+    EXPECT_FALSE(named(file, true)) << file;
+    EXPECT_EQ(recorder_.image, "") << file;
+  }
+  EXPECT_TRUE(named(other, false));
+  EXPECT_EQ(recorder_.image, other);
+}
+
+TEST_F(SessionTest, SavesThroughNoLink) {
+  begin();
+  const auto elsewhere = temporary_.path() / "elsewhere";
+  std::ofstream(elsewhere) << "kept";
+  std::filesystem::create_symlink(elsewhere, temporary_.path() / "state.h5");
+  v1::Request save;
+  save.mutable_save()->set_file("state.h5");
+  EXPECT_EQ(ask(save).error().kind(), v1::Error::BAD_MESSAGE);
+  v1::Request load;
+  load.mutable_load()->set_file("state.h5");
+  EXPECT_EQ(ask(load).error().kind(), v1::Error::BAD_MESSAGE);
+  EXPECT_TRUE(std::filesystem::exists(elsewhere));
 }
 
 TEST_F(SessionTest, RefusesPhasesOutOfOrder) {
