@@ -3,46 +3,15 @@
 #include <fmt/format.h>
 
 #include <algorithm>
-#include <cctype>
+#include <cmath>
 #include <optional>
 #include <pugixml.hpp>
 #include <set>
-#include <sstream>
+
+#include "precice_vocabulary.hpp"
 
 namespace estuary::coupler {
 namespace {
-
-std::string lower(std::string text) {
-  std::transform(text.begin(), text.end(), text.begin(), [](unsigned char c) { return std::tolower(c); });
-  return text;
-}
-
-bool contains(const std::string& text, std::string_view part) {
-  return text.find(part) != std::string::npos;
-}
-
-// What a field of any name is on our wet surface; empty: nothing.
-std::string field_of(const std::string& data) {
-  const std::string name = lower(data);
-  if (contains(name, "displacement")) return "displacement";
-  if (contains(name, "velocit")) return "velocity";
-  if (contains(name, "force") || contains(name, "pressure") || contains(name, "stress") ||
-      contains(name, "traction"))
-    return "force";
-  return {};
-}
-
-// The part after the colon of "coupling-scheme:serial-implicit".
-std::string kind_of(const pugi::xml_node& node) {
-  const std::string name = node.name();
-  const std::size_t colon = name.find(':');
-  return colon == std::string::npos ? std::string() : name.substr(colon + 1);
-}
-
-std::string family_of(const pugi::xml_node& node) {
-  const std::string name = node.name();
-  return name.substr(0, name.find(':'));
-}
 
 class Importer {
 public:
@@ -61,10 +30,8 @@ public:
       root_ = interface;
     }
     find_roles();
-    for (const auto& child : root_.children()) {
-      if (family_of(child) == "coupling-scheme") scheme(child);
-    }
-    if (scheme_.empty()) throw std::runtime_error(fmt::format("{}: has no coupling scheme", name_));
+    find_grain_data();
+    read_schemes();
     for (const auto& child : root_.children()) other(child);
     return {.scene = scene(), .notes = std::move(notes_)};
   }
@@ -79,27 +46,40 @@ private:
   }
   void coupling(const std::string& key, const std::string& value) { coupling_[key] = value; }
 
-  // By what each participant writes, or else by its name.
+  // XML may say "1." or ".5", TOML may not. Nothing where there is no number, which is noted.
+  std::optional<double> number(const pugi::xml_node& node, const char* attribute) {
+    const std::string text = node.attribute(attribute).value();
+    char* end = nullptr;
+    const double value = std::strtod(text.c_str(), &end);
+    if (text.empty() || end != text.c_str() + text.size() || !std::isfinite(value)) {
+      note(node, fmt::format("`{}` is no number: '{}'", attribute, text));
+      return {};
+    }
+    return value;
+  }
+  void coupling_number(const std::string& key, const pugi::xml_node& node) {
+    if (const auto value = number(node, "value")) coupling(key, fmt::format("{}", *value));
+  }
+
+  // By its name, or else by what a participant writes.
   void find_roles() {
     std::set<std::string> taken;
     for (const auto& participant : root_.children("participant")) {
       const std::string name = participant.attribute("name").value();
-      std::string role;
-      if (const auto given = given_roles_.find(name); given != given_roles_.end()) role = given->second;
+      std::string role = role_of_name(name);
       for (const auto& data : participant.children("write-data")) {
         if (!role.empty()) break;
         const std::string field = field_of(data.attribute("name").value());
         if (field == "displacement" || field == "velocity") role = "solid";
         if (field == "force") role = "fluid";
       }
-      const std::string word = lower(name);
-      if (role.empty() && (contains(word, "solid") || contains(word, "struct"))) role = "solid";
-      if (role.empty() && contains(word, "fluid")) role = "fluid";
-      if (role.empty() && (contains(word, "grain") || contains(word, "particle"))) role = "grains";
+      if (const auto given = given_roles_.find(name); given != given_roles_.end()) role = given->second;
       if (role.empty() || !taken.insert(role).second) {
         throw std::runtime_error(fmt::format(
-            "{}:{}: cannot tell which part '{}' plays{}; say so with --role {}=fluid, solid or grains", name_,
-            line_at(participant.offset_debug()), name,
+            "{}:{}: cannot tell which part '{}' plays{}; a scene has one fluid, one solid and one granular "
+            "medium: say which it is with "
+            "--role {}=fluid, solid or grains",
+            name_, line_at(participant.offset_debug()), name,
             role.empty() ? std::string() : fmt::format(": another participant is the {} already", role),
             name));
       }
@@ -108,14 +88,39 @@ private:
     if (roles_.size() < 2 || roles_.size() > 3)
       throw std::runtime_error(
           fmt::format("{}: has {} participants; a scene has two or three", name_, roles_.size()));
+    for (const auto& [name, role] : given_roles_)
+      if (!roles_.contains(name))
+        throw std::runtime_error(fmt::format("{}: --role {}: there is no such participant", name_, name));
+  }
+
+  // What goes to or comes from the grains is no field of the wet surface.
+  void find_grain_data() {
+    for (const auto& scheme : root_.children())
+      for (const auto& exchange : scheme.children("exchange"))
+        for (const auto* end : {"from", "to"})
+          if (roles_[exchange.attribute(end).value()] == "grains")
+            grain_data_.insert(exchange.attribute("data").value());
+  }
+
+  // One scheme serves all participants: the first implicit one, or else the first.
+  void read_schemes() {
+    std::vector<pugi::xml_node> schemes;
+    for (const auto& child : root_.children())
+      if (family_of(child) == "coupling-scheme") schemes.push_back(child);
+    if (schemes.empty()) throw std::runtime_error(fmt::format("{}: has no coupling scheme", name_));
+    const auto implicit = std::find_if(schemes.begin(), schemes.end(), [](const auto& one) {
+      return kind_of(one) == "multi" || kind_of(one).ends_with("implicit");
+    });
+    const auto chosen = implicit == schemes.end() ? schemes.begin() : implicit;
+    for (auto one = schemes.begin(); one != schemes.end(); ++one)
+      if (one != chosen)
+        note(*one, fmt::format("a scene has one coupling scheme for all its participants: the {} of line {}",
+                               kind_of(*chosen), line_at(chosen->offset_debug())));
+    scheme(*chosen);
   }
 
   void scheme(const pugi::xml_node& node) {
     const std::string kind = kind_of(node);
-    if (!scheme_.empty()) {
-      note(node, "a scene has one coupling scheme for all its participants; that of the first is kept");
-      return;
-    }
     scheme_ = kind;
     const bool multi = kind == "multi";
     if (multi) {
@@ -127,10 +132,11 @@ private:
     }
     coupling("scheme", fmt::format("\"{}\"", scheme_));
     std::optional<double> windows;
+    bool accelerated = false;
     for (const auto& child : node.children()) {
       const std::string name = child.name();
       const auto value = child.attribute("value");
-      if (name == "time-window-size") {
+      if (name == "time-window-size" || name == "timestep-length") {
         window_ = value.as_double();
         if (!(window_ > 0))
           note(child, "the first participant's own time step cannot set the window; give `window`");
@@ -152,22 +158,26 @@ private:
       } else if (name.ends_with("convergence-measure")) {
         measure(child);
       } else if (family_of(child) == "acceleration" || family_of(child) == "post-processing") {
+        accelerated = true;
         acceleration(child);
       } else {
         note(child, "has no counterpart");
       }
     }
     if (windows && !(end_time_ > 0)) end_time_ = *windows * window_;
-    if (!node.find_child([](const auto& child) { return family_of(child) == "acceleration"; }) &&
-        scheme_.ends_with("implicit"))
-      coupling("acceleration", "\"none\"");
+    if (!accelerated && scheme_.ends_with("implicit")) coupling("acceleration", "\"none\"");
   }
 
   void exchange(const pugi::xml_node& node) {
     const std::string data = node.attribute("data").value();
     const std::string field = field_of(data);
     const std::string from = roles_[node.attribute("from").value()];
-    if (field.empty()) {
+    if (grain_data_.contains(data)) {
+      if (field.empty())
+        note(node, fmt::format("'{}' does not travel here: grains give centres, velocities and spins, and "
+                               "get forces and torques",
+                               data));
+    } else if (field.empty()) {
       note(node,
            fmt::format(
                "'{}' does not travel here: a solid gives displacements and velocities, a fluid pressures "
@@ -176,7 +186,7 @@ private:
     } else if ((field == "force") == (from == "solid")) {
       note(node, fmt::format("'{}' goes from the {} the other way here", data, from));
     }
-    if (contains(lower(data), "delta"))
+    if (lower(data).find("delta") != std::string::npos)
       note(node, fmt::format("'{}' are increments; here displacements are those since the start", data));
     if (node.attribute("substeps").as_bool())
       note(node,
@@ -186,10 +196,16 @@ private:
   void measure(const pugi::xml_node& node) {
     const std::string name = node.name();
     const std::string field = field_of(node.attribute("data").value());
-    const std::string kind = name.substr(0, name.size() - std::string_view("-convergence-measure").size());
-    if (field.empty()) {
-      note(node, fmt::format("'{}' is no field of the wet surface", node.attribute("data").value()));
+    std::string kind = name.substr(0, name.size() - std::string_view("-convergence-measure").size());
+    if (field.empty() || grain_data_.contains(node.attribute("data").value())) {
+      note(node, fmt::format("'{}' is no field of the wet surface, which alone is measured",
+                             node.attribute("data").value()));
       return;
+    }
+    const bool either = kind == "absolute-or-relative";
+    if (either) {
+      kind = "relative";
+      note(node, "all measures must hold here: the relative one is taken, which is the stricter");
     }
     if (kind != "relative" && kind != "absolute" && kind != "residual-relative") {
       note(node, "has no counterpart");
@@ -198,9 +214,9 @@ private:
     for (const auto* attribute : {"suffices", "strict"})
       if (node.attribute(attribute).as_bool())
         note(node, fmt::format("`{}` has no counterpart: all measures must hold", attribute));
-    const auto limit = node.attribute("limit");
-    measures_.push_back(
-        fmt::format("field = \"{}\"\nmeasure = \"{}\"\nlimit = {}\n", field, kind, limit.value()));
+    const auto limit = number(node, either ? "rel-limit" : "limit");
+    if (!limit) return;
+    measures_.push_back(fmt::format("field = \"{}\"\nmeasure = \"{}\"\nlimit = {}\n", field, kind, *limit));
     measures_force_ |= field == "force";
   }
 
@@ -213,18 +229,17 @@ private:
     coupling("acceleration", fmt::format("\"{}\"", kind));
     for (const auto& child : node.children()) {
       const std::string name = child.name();
-      const std::string value = child.attribute("value").value();
       if (name == "relaxation" || name == "initial-relaxation") {
-        coupling("relaxation", value);
+        coupling_number("relaxation", child);
       } else if (name == "max-used-iterations") {
-        coupling("max_used_iterations", value);
+        coupling_number("max_used_iterations", child);
       } else if (name == "time-windows-reused" || name == "timesteps-reused") {
-        coupling("time_windows_reused", value);
+        coupling_number("time_windows_reused", child);
       } else if (name == "filter") {
         const std::string type = lower(child.attribute("type").value());
         coupling("filter", fmt::format("\"{}\"", type.substr(0, 3)));
         if (type.size() > 3) note(child, fmt::format("'{}' is taken as '{}'", type, type.substr(0, 3)));
-        if (const auto limit = child.attribute("limit")) coupling("filter_limit", limit.value());
+        if (child.attribute("limit")) filter_limit(child);
       } else if (name == "preconditioner") {
         const std::string type = child.attribute("type").value();
         if (type == "residual-sum") {
@@ -244,6 +259,15 @@ private:
     }
   }
 
+  void filter_limit(const pugi::xml_node& node) {
+    const auto limit = number(node, "limit");
+    if (!limit) return;
+    constexpr double least = 1e-6, most = 0.9;
+    if (*limit < least || *limit > most)
+      note(node, fmt::format("a limit between {} and {} is known here: the nearest is taken", least, most));
+    coupling("filter_limit", fmt::format("{}", std::clamp(*limit, least, most)));
+  }
+
   void other(const pugi::xml_node& node) {
     const std::string family = family_of(node);
     if (family == "mesh") {
@@ -252,6 +276,8 @@ private:
       participant(node);
     } else if (family == "m2n") {
       note(node, "processes find each other through `solver` (launched here) or `connect` in their tables");
+    } else if (family == "data" && kind_of(node).starts_with("global")) {
+      note(node, "there is no data of a whole participant: a key in its table, or a watch of it");
     } else if (family != "coupling-scheme" && family != "data" && node.type() == pugi::node_element) {
       note(node, family == "log" ? "logs are in the run's folder, log/" : "has no counterpart");
     }
@@ -265,10 +291,7 @@ private:
       if (family == "mapping") {
         mapping(child);
       } else if (name == "watch-point") {
-        std::string point = child.attribute("coordinate").value();
-        std::replace(point.begin(), point.end(), ';', ',');
-        watches_ += fmt::format("\n[[watch]]\nname = \"{}\"\nparticipant = \"{}\"\npoint = [{}]\n",
-                                watch_name(child), role, point);
+        watch_point(child, role);
       } else if (name == "watch-integral") {
         watches_ +=
             fmt::format("\n[[watch]]\nname = \"{}\"\nparticipant = \"coupling\"\n", watch_name(child));
@@ -279,11 +302,31 @@ private:
       } else if (name == "write-data" || name == "read-data") {
         if (field_of(child.attribute("name").value()).empty())
           note(child, fmt::format("'{}' does not travel here", child.attribute("name").value()));
+      } else if (family == "action") {
+        note(child, kind_of(child).ends_with("by-area")
+                        ? "is not needed: the coupler makes nodal forces of a fluid's pressures itself"
+                        : "has no counterpart");
       } else if (name != "provide-mesh" && name != "receive-mesh" && name != "use-mesh" &&
                  child.type() == pugi::node_element) {
         note(child, "has no counterpart");
       }
     }
+  }
+
+  void watch_point(const pugi::xml_node& node, const std::string& role) {
+    std::string point = node.attribute("coordinate").value(), numbers;
+    std::replace(point.begin(), point.end(), ';', ' ');
+    const char* next = point.c_str();
+    while (true) {
+      char* end = nullptr;
+      const double value = std::strtod(next, &end);
+      if (end == next) break;
+      numbers += fmt::format("{}{}", numbers.empty() ? "" : ", ", value);
+      next = end;
+    }
+    if (numbers.empty()) return note(node, "has no `coordinate`");
+    watches_ += fmt::format("\n[[watch]]\nname = \"{}\"\nparticipant = \"{}\"\npoint = [{}]\n",
+                            watch_name(node), role, numbers);
   }
 
   static std::string watch_name(const pugi::xml_node& node) {
@@ -296,7 +339,6 @@ private:
 
   void mapping(const pugi::xml_node& node) {
     std::string kind = lower(kind_of(node));
-    std::string radius;
     pugi::xml_node basis;
     for (const auto& child : node.children())
       if (family_of(child) == "basis-function") basis = child;
@@ -304,18 +346,13 @@ private:
     const std::string function = basis                      ? kind_of(basis)
                                  : kind.starts_with("rbf-") ? kind.substr(4)
                                                             : std::string();
-    radius = (basis ? basis : node).attribute("support-radius").value();
     if (kind.starts_with("rbf")) {
-      if (contains(kind, "pum")) note(node, "one system for all nodes is solved, not a partition of unity");
-      if (function == "thin-plate-splines") {
-        kind = "thin-plate-spline";
-      } else if (function == "compact-polynomial-c2" || function == "compact-polynomial-c4") {
-        kind = "wendland-" + function.substr(function.size() - 2);
-      } else {
-        note(node,
-             fmt::format("the basis function '{}' is not known; nearest-projection is taken", function));
-        kind = "nearest-projection";
-      }
+      if (kind.find("pum") != std::string::npos)
+        note(node, "one system for all nodes is solved, not a partition of unity");
+      const BasisFunction ours = basis_function(function);
+      if (!ours.exact)
+        note(node, fmt::format("the basis function '{}' is not known; {} is taken", function, ours.name));
+      kind = ours.name;
     } else if (kind != "nearest-neighbor" && kind != "nearest-projection") {
       note(node, "no such mapping here; nearest-projection is taken");
       kind = "nearest-projection";
@@ -324,7 +361,9 @@ private:
       note(node, fmt::format("one kind of mapping serves both directions; \"{}\" is kept", mapping_));
     if (mapping_.empty()) {
       mapping_ = kind;
-      support_radius_ = kind.starts_with("wendland") ? radius : std::string();
+      if (kind.starts_with("wendland"))
+        if (const auto value = number(basis ? basis : node, "support-radius"))
+          support_radius_ = fmt::format("{}", *value);
     }
     const std::string constraint = node.attribute("constraint").value();
     if (constraint == "conservative") loads_ = "forces";
@@ -333,8 +372,11 @@ private:
 
   std::string scene() {
     std::string text =
-        fmt::format("# From {}. What is left to do is at the end.\ntitle = \"{}\"\ndimension = {}\n\n", name_,
-                    name_, dimension_);
+        fmt::format("# From {}. What is left to do is at the end.\ntitle = {}\ndimension = {}\n\n", name_,
+                    toml_string(name_), dimension_);
+    if (dimension_ == 3)
+      notes_.push_back(fmt::format(
+          "{}: a wet surface has two dimensions here; a plane section of this case can be a scene", name_));
     text += "[coupling]\nmode = \"transient\"\n";
     if (window_ > 0) text += fmt::format("window = {:g}\n", window_);
     if (end_time_ > 0) text += fmt::format("end_time = {:g}\n", end_time_);
@@ -355,9 +397,9 @@ private:
       for (const auto& [name, part] : roles_)
         if (part == role)
           text += fmt::format(
-              "\n[{}]\nsolver = \"{}\"   # the program to launch, or connect = \"tcp://...\"; its own keys "
+              "\n[{}]\nsolver = {}   # the program to launch, or connect = \"tcp://...\"; its own keys "
               "follow\n",
-              role, lower(name));
+              role, toml_string(lower(name)));
     }
     text += watches_;
     if (frame_interval_ > 0) text += fmt::format("\n[output]\nframe_interval = {}\n", frame_interval_);
@@ -375,6 +417,7 @@ private:
   pugi::xml_node root_;
   std::vector<std::string> notes_;
   std::map<std::string, std::string> roles_;
+  std::set<std::string> grain_data_;
   std::map<std::string, std::string> coupling_;
   std::vector<std::string> measures_;
   bool measures_force_ = false;

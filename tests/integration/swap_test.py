@@ -386,6 +386,61 @@ class Import(Case):
         self.assertIn("increments", done.stderr)
         self.assertIn("the fluid computes first here", done.stderr)
 
+    def test_three_participants_with_what_has_no_counterpart(self):
+        config = self.write("""<precice-configuration experimental="true">
+  <data:vector name="Pressure"/> <data:vector name="Displacement"/> <data:vector name="Drag-Force"/> <data:global-scalar name="Angle"/>
+  <mesh name="F" dimensions="2"/> <mesh name="S" dimensions="2"/> <mesh name="P" dimensions="2"/>
+  <participant name="LBM"><provide-mesh name="F"/><write-data name="Drag-Force" mesh="P"/><write-data name="Pressure" mesh="F"/>
+    <mapping:rbf-pum-direct direction="write" from="F" to="S" constraint="conservative"><basis-function:compact-polynomial-c6 support-radius=".3"/></mapping:rbf-pum-direct>
+    <action:multiply-by-area timing="write-mapping-post" mesh="F"/> </participant>
+  <participant name="Beam"><write-data name="Displacement" mesh="S"/><watch-point mesh="S" name="mid span" coordinate="0.02;0."/></participant>
+  <participant name="DEM-Particles"><write-data name="Particle-Velocity" mesh="P"/></participant>
+  <m2n:mpi acceptor="LBM" connector="Beam" use-two-level-initialization="true"/>
+  <coupling-scheme:serial-explicit><participants first="LBM" second="DEM-Particles"/><time-window-size value="5e-4"/>
+    <exchange data="Drag-Force" mesh="P" from="LBM" to="DEM-Particles"/></coupling-scheme:serial-explicit>
+  <coupling-scheme:multi><participant name="LBM" control="yes"/><participant name="Beam"/>
+    <time-window-size value="5.e-4"/> <max-time-windows value="600"/>
+    <exchange data="Pressure" mesh="S" from="LBM" to="Beam"/> <exchange data="Displacement" mesh="S" from="Beam" to="LBM"/>
+    <absolute-or-relative-convergence-measure abs-limit="1e-9" rel-limit="1.E-4" data="Displacement" mesh="S"/>
+    <relative-convergence-measure limit="1e-3" data="Drag-Force" mesh="P"/> <relative-convergence-measure limit="a few" data="Pressure" mesh="S"/>
+    <acceleration:IQN-IMVJ><initial-relaxation value=".3"/><filter type="QR1-absolute" limit="1e-9"/></acceleration:IQN-IMVJ>
+  </coupling-scheme:multi>
+</precice-configuration>""", "three.xml")
+        done = self.coupler("import", config, "--out", "scene.toml")
+        self.assertEqual(done.returncode, 0, done.all)
+        for text in ("three.xml:10: <coupling-scheme:serial-explicit>: a scene has one coupling scheme for all its participants: the multi of line 12",
+                     "'Drag-Force' is no field of the wet surface, which alone is measured", "`limit` is no number: 'a few'", "<action:multiply-by-area>: is not needed",
+                     "<data:global-scalar>", "'compact-polynomial-c6' is not known; wendland-c4 is taken", "the relative one is taken", "a parallel scheme has to measure the forces"):
+            self.assertIn(text, done.stderr)
+        import tomllib
+        scene = tomllib.loads((self.folder / "scene.toml").read_text())
+        self.assertEqual([scene[role]["solver"] for role in ("fluid", "solid", "grains")], ["lbm", "beam", "dem-particles"])
+        self.assertEqual(scene["coupling"], {
+            "mode": "transient", "window": 5e-4, "end_time": 0.3, "scheme": "parallel-implicit", "acceleration": "iqn-imvj", "relaxation": 0.3, "filter": "qr1",
+            "filter_limit": 1e-6, "mapping": {"kind": "wendland-c4", "support_radius": 0.3, "loads": "forces"},
+            "convergence": [{"field": "displacement", "measure": "relative", "limit": 1e-4}, {"field": "force", "measure": "relative", "limit": 1e-3}]})
+        self.assertEqual(scene["watch"], [{"name": "mid_span", "participant": "solid", "point": [0.02, 0]}])
+        # With our own participants' tables in place of theirs it is a right scene.
+        ours = (SOURCE / "configs/three-way/grains-on-elastic-plate.toml").read_text()
+        text = (self.folder / "scene.toml").read_text()
+        text = text[:text.index("[fluid]")] + ours[ours.index("[fluid]"):ours.index("[[watch]]")] + text[text.index("[[watch]]"):]
+        done = self.coupler("check", self.write(text, "ours.toml"))
+        self.assertEqual(done.returncode, 0, done.all)
+
+    def test_the_names_of_version_2(self):
+        config = self.write("""<precice-configuration><solver-interface dimensions="3">
+  <participant name="Fluid"><write-data name="Forces0" mesh="F"/></participant> <participant name="Calculix"><read-data name="Forces0" mesh="S"/></participant>
+  <coupling-scheme:serial-implicit><participants first="Fluid" second="Calculix"/> <max-timesteps value="100"/> <timestep-length value="1e-4"/>
+    <relative-convergence-measure limit="1e-3" data="DisplacementDeltas0" mesh="S"/>
+    <post-processing:IQN-IMVJ><preconditioner type="value"/><timesteps-reused value="1"/></post-processing:IQN-IMVJ>
+  </coupling-scheme:serial-implicit></solver-interface></precice-configuration>""", "tube.xml")
+        done = self.coupler("import", config)
+        self.assertEqual(done.returncode, 0, done.all)
+        for text in ("window = 0.0001", "end_time = 0.01", 'acceleration = "iqn-imvj"', "time_windows_reused = 1", 'solver = "calculix"', "dimension = 3"):
+            self.assertIn(text, done.stdout)
+        self.assertIn("a wet surface has two dimensions here", done.stderr)
+        self.assertIn("'value' is not known", done.stderr)
+
     def test_what_cannot_be_read_is_said_with_its_line(self):
         done = self.coupler("import", self.write("<precice-configuration>\n<oops\n", "bad.xml"))
         self.assertEqual(done.returncode, 2)
