@@ -47,18 +47,18 @@ void add_pictures(ReportPage& page, const StudyResults& all, const std::filesyst
     page.notice("note", "gnuplot is not installed, so this page has no pictures (package gnuplot-nox).");
     return;
   }
-  page.heading("Error against wall time");
+  const std::string cost = std::string(" against ") + all.cost_name();
+  page.heading("Error" + cost);
   const bool several = all.quantities.size() > 1;
-  add_picture(page, all, {}, StudyAbscissa::wall_time, folder / "study",
-              several ? "largest error of all quantities against wall time" : "error against wall time",
-              *gnuplot);
+  add_picture(page, all, {}, StudyAbscissa::cost, folder / "study",
+              (several ? "largest error of all quantities" : "error") + cost, *gnuplot);
   const auto pictures = folder / "pictures";
   std::filesystem::create_directories(pictures);
   if (several) {
     page.begin_gallery();
     for (std::size_t q = 0; q < all.quantities.size(); ++q)
-      add_picture(page, all, q, StudyAbscissa::wall_time, pictures / fmt::format("time-{:02}", q),
-                  all.quantities[q].name + " against wall time", *gnuplot);
+      add_picture(page, all, q, StudyAbscissa::cost, pictures / fmt::format("time-{:02}", q),
+                  all.quantities[q].name + cost, *gnuplot);
     page.end_gallery();
   }
   const bool sized = std::any_of(all.results.begin(), all.results.end(),
@@ -123,10 +123,11 @@ void add_cheapest(ReportPage& page, const StudyScene& study, const StudyResults&
       rows.push_back({limit, "not reached for good", "-", "-"});
     } else {
       rows.push_back({limit, cheapest[k]->cell.name(), percent_text(cheapest[k]->error),
-                      seconds_text(cheapest[k]->wall_s)});
+                      seconds_text(cheapest[k]->cost_s)});
     }
   }
-  page.table({"largest error below", "cheapest settings", "its error", "wall time [s]"}, rows);
+  page.table({"largest error below", "cheapest settings", "its error", std::string(all.cost_name()) + " [s]"},
+             rows);
   page.paragraph("A setting counts when all finer ones of its line stay below, too.");
 }
 

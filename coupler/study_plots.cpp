@@ -39,9 +39,10 @@ std::vector<Point> points_of(const StudyResults& all, const StudySeries& series,
     if (abscissa == StudyAbscissa::size) {
       if (result.cell.size)
         points.push_back({*result.cell.size, std::max(100 * error, least_shown), 0, 0, false});
-    } else if (result.wall_s > 0) {
-      points.push_back({result.wall_s, std::max(100 * error, least_shown), result.wall_min_s,
-                        result.wall_max_s, result.on_front});
+    } else if (result.cost_s > 0) {
+      points.push_back({result.cost_s, std::max(100 * error, least_shown),
+                        all.by_processor ? result.cost_s : result.wall_min_s,
+                        all.by_processor ? result.cost_s : result.wall_max_s, result.on_front});
     }
   }
   return points;
@@ -98,7 +99,7 @@ void draw_study(const StudyResults& all, std::optional<std::size_t> quantity, St
       script += fmt::format("{:.9g} {:.9g} {:.9g} {:.9g}\n", point.x, point.y, point.low, point.high);
       x_range.include(point.x);
       y_range.include(point.y);
-      if (abscissa == StudyAbscissa::wall_time) {
+      if (abscissa == StudyAbscissa::cost) {
         x_range.include(point.low);
         x_range.include(point.high);
       }
@@ -113,7 +114,7 @@ void draw_study(const StudyResults& all, std::optional<std::size_t> quantity, St
     const auto mark = 5 + 2 * (lines / colours.size());
     add_piece(fmt::format("$line{} using 1:2 with linespoints lc rgb '{}' lw 1.8 pt {} ps 0.8 {}", lines,
                           colour, mark, title));
-    if (abscissa == StudyAbscissa::wall_time)
+    if (abscissa == StudyAbscissa::cost)
       add_piece(fmt::format("$line{} using 1:2:3:4 with xerrorbars lc rgb '{}' lw 1.2 pt 0 notitle", lines,
                             colour));
     ++lines;
@@ -135,10 +136,11 @@ void draw_study(const StudyResults& all, std::optional<std::size_t> quantity, St
   const std::string what = quantity                     ? "error of " + all.quantities[*quantity].name
                            : all.quantities.size() == 1 ? "error of " + all.quantities.front().name
                                                         : "largest error";
-  script += fmt::format("set xlabel {}\nset ylabel {}\nset format xy '%g'\n",
-                        Gnuplot::quoted(abscissa == StudyAbscissa::size ? "size of a step of the ladder"
-                                                                        : "wall time of the run [s]"),
-                        Gnuplot::quoted(what + " [%]"));
+  script += fmt::format(
+      "set xlabel {}\nset ylabel {}\nset format xy '%g'\n",
+      Gnuplot::quoted(abscissa == StudyAbscissa::size ? "size of a step of the ladder"
+                                                      : all.cost_name() + std::string(" of the run [s]")),
+      Gnuplot::quoted(what + " [%]"));
   const auto height = static_cast<unsigned>(lines > 4 ? 460 + 10 * lines : 440);
   draw_svg_and_png(script + pieces + "\n", 760, height, stem, gnuplot);
 }

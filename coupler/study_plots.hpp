@@ -1,4 +1,5 @@
-// Pictures of a study: error against wall time, and against resolution.
+// Pictures of a study: error against its cost (wall time, or processor time on a busy machine), and against
+// resolution.
 #pragma once
 
 #include <filesystem>
@@ -9,10 +10,10 @@
 
 namespace estuary::coupler {
 
-enum class StudyAbscissa { wall_time, size };
+enum class StudyAbscissa { cost, size };
 
 /// Log-log, a line for each series with its observed order, bars from the shortest to the longest run; over
-/// wall time the front of cells that no other beats in both is ringed. Of one quantity, or of the largest
+/// cost the front of cells that no other beats in both is ringed. Of one quantity, or of the largest
 /// error when `quantity` is absent. Writes `stem`.svg and `stem`.png. Throws std::runtime_error when there is
 /// nothing to draw or gnuplot fails.
 void draw_study(const StudyResults& all, std::optional<std::size_t> quantity, StudyAbscissa abscissa,

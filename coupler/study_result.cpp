@@ -5,7 +5,6 @@
 #include <algorithm>
 #include <cmath>
 #include <nlohmann/json.hpp>
-#include <thread>
 
 #include "checks.hpp"
 #include "csv_file.hpp"
@@ -148,12 +147,24 @@ void find_orders(StudySeries& series, const StudyResults& all) {
   series.order = order([](const StudyResult& result) { return result.error; });
 }
 
+/// On a machine with other work the clock counts that, too.
+void take_costs(StudyResults& all) {
+  all.by_processor = std::any_of(all.results.begin(), all.results.end(),
+                                 [](const StudyResult& result) { return result.waited(); });
+  for (auto& result : all.results) result.cost_s = all.by_processor ? result.processor_s : result.wall_s;
+  if (all.by_processor)
+    all.notes.emplace_back(
+        "Runs waited for processors that had other work: an error is held against the time of the "
+        "processors, "
+        "not of the clock.");
+}
+
 void mark_front(std::vector<StudyResult>& results) {
   for (auto& candidate : results) {
     candidate.on_front = std::isfinite(candidate.error) &&
                          std::none_of(results.begin(), results.end(), [&](const StudyResult& other) {
-                           return other.error <= candidate.error && other.wall_s <= candidate.wall_s &&
-                                  (other.error < candidate.error || other.wall_s < candidate.wall_s);
+                           return other.error <= candidate.error && other.cost_s <= candidate.cost_s &&
+                                  (other.error < candidate.error || other.cost_s < candidate.cost_s);
                          });
   }
 }
@@ -296,14 +307,8 @@ StudyResults study_results(const StudyScene& study, const StudyStore& store,
     for (const std::size_t k : series.results) take_largest_error(all.results[k]);
     find_orders(series, all);
   }
+  take_costs(all);
   mark_front(all.results);
-  const auto busy = std::max_element(all.results.begin(), all.results.end(),
-                                     [](const auto& a, const auto& b) { return a.load < b.load; });
-  if (busy != all.results.end() && busy->load > std::thread::hardware_concurrency() + 0.5)
-    all.notes.push_back(
-        fmt::format("The machine was busy (load {:.1f} when a run began): wall times are too long, "
-                    "processor times less so.",
-                    busy->load));
   const auto scattered = std::count_if(all.results.begin(), all.results.end(),
                                        [](const auto& result) { return result.scattered(); });
   if (scattered > 0)

@@ -40,7 +40,10 @@ struct StudyResult {
   double iterations_per_window = 0;
   double windows = 0;
   double end_time = 0;  // of the last window that was kept in iterations.csv [s]; iterations in steady mode
-  std::vector<std::pair<std::string, std::string>> judged;  // stability: more columns of the table
+  std::vector<std::pair<std::string, std::string>> judged;   // stability: more columns of the table
+  double cost_s = std::numeric_limits<double>::quiet_NaN();  // what an error is held against
+  /// Whether it waited so long for its processors that the clock says little of it.
+  [[nodiscard]] bool waited() const { return wall_s > 2 * processor_s + 0.5; }
   /// Whether the times of its repeats differ so much that their median says little.
   [[nodiscard]] bool scattered() const;
   bool on_front = false;  // no other cell has both a smaller error and a shorter time
@@ -58,6 +61,9 @@ struct StudyResults {
   std::vector<StudyQuantity> quantities;  // with the scene's checks filled in
   std::vector<StudyResult> results;
   std::vector<StudySeries> series;
+  /// Costs are processor times: a run waited for processors that had other work. Else they are wall times.
+  bool by_processor = false;
+  [[nodiscard]] const char* cost_name() const { return by_processor ? "processor time" : "wall time"; }
   std::vector<std::string> notes;  // what a reader has to know: no limit found, machine busy
 };
 

@@ -143,7 +143,7 @@ std::vector<const StudyResult*> cheapest_cells(const StudyScene& study, const St
         const StudyResult& result = all.results[*k];
         if (!std::isfinite(result.error) && k == series.results.rbegin() && result.finished) continue;
         if (!(result.error <= limit)) break;
-        if (best == nullptr || result.wall_s < best->wall_s) best = &result;
+        if (best == nullptr || result.cost_s < best->cost_s) best = &result;
       }
     }
     cheapest.push_back(best);
@@ -193,7 +193,7 @@ std::string study_markdown(const StudyScene& study, const StudyResults& all) {
   for (std::size_t k = 0; k < cheapest.size(); ++k) {
     if (cheapest[k] == nullptr) continue;
     costs += fmt::format("{}{:g} %: {}, {} s", costs.empty() ? "" : "; ", 100 * study.limits[k],
-                         cheapest[k]->cell.name(), seconds_text(cheapest[k]->wall_s));
+                         cheapest[k]->cell.name(), seconds_text(cheapest[k]->cost_s));
   }
   if (!costs.empty()) text += fmt::format("\nCheapest below {}.\n", costs);
   for (const auto& note : all.notes) text += fmt::format("\n{}\n", note);

@@ -1,32 +1,306 @@
 #!/usr/bin/env python3
-"""Puts the tables of the studies into the READMEs: nobody types a figure.
+"""Makes the tables of the READMEs of what was measured: nobody types a figure.
 
     tests/readme_tables.py [--check]
 
-Between the lines `<!-- study: NAME -->` and `<!-- end of study -->` of any Markdown file of the repository comes
-configs/studies/evidence/NAME.md as the study wrote it, with its picture when there is one. --check changes nothing and
+In any Markdown file of the repository, what stands between a line like one of these and `<!-- end -->` is made anew:
+
+    <!-- study: NAME -->          results of configs/studies/NAME.toml and their picture
+    <!-- costs: NAME NAME ... --> cheapest settings below 5, 2, 1 and 0.3 % of some studies, one line each
+    <!-- maps: NAME NAME ... -->  what the runs of some maps of stability came to, one line each
+    <!-- gallery -->              the scenes of configs/gallery.toml with their pictures
+
+The figures are those of configs/studies/evidence/*.csv, which tests/evidence.py refreshes. --check changes nothing and
 fails when a file is not up to date.
 """
+import csv
+import math
 import os
 import pathlib
 import re
 import subprocess
 import sys
+import tomllib
 
 ROOT = pathlib.Path(__file__).resolve().parents[1]
-EVIDENCE = ROOT / "configs" / "studies" / "evidence"
-BLOCK = re.compile(r"(<!-- study: ([\w-]+) -->\n)(.*?)(<!-- end of study -->)", re.DOTALL)
+STUDIES = ROOT / "configs" / "studies"
+EVIDENCE = STUDIES / "evidence"
+BLOCK = re.compile(r"(<!-- (study|costs|maps|gallery)(?:: ([\w \-]+?))? -->\n)(.*?)(<!-- end -->)", re.DOTALL)
+LIMITS = (0.05, 0.02, 0.01, 0.003)
+MUCH_SCATTER = 0.25  # of repeats, relative to their median
 
 
-def block(name, page):
-    table = EVIDENCE / f"{name}.md"
-    if not table.exists():
-        sys.exit(f"{page}: there is no {table.relative_to(ROOT)}; run configs/studies/{name}.toml first")
-    text = table.read_text(encoding="utf-8")
-    picture = EVIDENCE / f"{name}.png"
-    if picture.exists():
-        text += f"\n![{name}]({os.path.relpath(picture, page.parent)})\n"
+def number(text):
+    try:
+        return float(text)
+    except ValueError:
+        return math.nan
+
+
+def seconds(value):
+    if not math.isfinite(value):
+        return "-"
+    return f"{value:.0f} s" if value >= 100 else f"{value:.2g} s" if value < 10 else f"{value:.3g} s"
+
+
+def percent(share, sign=""):
+    if not math.isfinite(share):
+        return "-"
+    value = 100 * share
+    digits = f"{abs(value):.2g}" if abs(value) < 100 else f"{abs(value):.0f}"
+    if "e" in digits:
+        digits = f"{abs(value):.0e}"
+    return f"{'-' if value < 0 else sign}{digits} %"
+
+
+def row(entries):
+    return "| " + " | ".join(str(entry).replace("|", "/").replace("\n", " ") for entry in entries) + " |\n"
+
+
+def heading(names):
+    return row(names) + "|" + "---|" * len(names) + "\n"
+
+
+def flat_keys(table, prefix=""):
+    for key, value in table.items():
+        if isinstance(value, dict):
+            yield from flat_keys(value, f"{prefix}{key}.")
+        else:
+            yield prefix + key
+
+
+def waited(entry):
+    """Whether a run waited for its processors so long that the clock says little (as the study itself judges)."""
+    return number(entry["wall_s"]) > 2 * number(entry["processor_s"]) + 0.5
+
+
+class Study:
+    """A study's file and the rows of its CSV."""
+
+    def __init__(self, name):
+        self.name = name
+        with open(STUDIES / f"{name}.toml", "rb") as file:
+            self.scene = tomllib.load(file)
+        self.title = self.scene.get("title", name)
+        own = {"name", "labels", "size"}
+        self.axes = [axis.get("name") or next(key for key in flat_keys(axis) if key not in own)
+                     for axis in self.scene.get("vary", [])]
+        path = EVIDENCE / f"{name}.csv"
+        if not path.exists():
+            sys.exit(f"there is no {path.relative_to(ROOT)}: tests/evidence.py {name}")
+        with open(path, newline="", encoding="utf-8") as file:
+            reader = csv.DictReader(file)
+            self.rows = list(reader)
+            self.columns = reader.fieldnames
+        self.quantities = [name[:-len(" error")] for name in self.columns if name.endswith(" error")]
+
+    def signed_error(self, entry, quantity):
+        error = number(entry[quantity + " error"])
+        below = number(entry[quantity]) < number(entry[quantity + " reference"])
+        below ^= number(entry[quantity + " reference"]) < 0  # larger in size is +
+        return -error if below else error
+
+    def finished(self, entry):
+        return entry["status"] in ("done", "check failed")
+
+    def scattered(self, entry):
+        wall = number(entry["wall_s"])
+        return number(entry["wall_max_s"]) - number(entry["wall_min_s"]) > MUCH_SCATTER * wall
+
+    def busy(self):
+        return any(waited(entry) for entry in self.rows)
+
+    def series(self):
+        """Rows that differ in the ladder's step only, coarse to fine."""
+        lines = {}
+        for entry in self.rows:
+            lines.setdefault(tuple(entry[axis] for axis in self.axes[1:]), []).append(entry)
+        return lines
+
+    def label(self, entry):
+        return ", ".join(entry[axis] for axis in self.axes)
+
+    def cheapest(self, limit):
+        """The cheapest row that stays below, as all finer ones of its line do."""
+        cost = "processor_s" if self.busy() else "wall_s"
+        best = None
+        for line in self.series().values():
+            for entry in reversed(line):
+                if not number(entry["error"]) <= limit:
+                    break
+                if best is None or number(entry[cost]) < number(best[cost]):
+                    best = entry
+        return best
+
+
+def time_text(study, entry):
+    """Of the clock, and of the processors where the clock says little."""
+    text = seconds(number(entry["wall_s"]))
+    return text + "*" if study.scattered(entry) else text
+
+
+def footnotes(study):
+    notes = []
+    if any(study.scattered(entry) for entry in study.rows if entry["wall_s"]):
+        notes.append("* repeats differ by more than a quarter.")
+    if study.busy():
+        notes.append("The machine had other work: the times of the processors say more.")
+    return notes
+
+
+def table_of_rows(study):
+    iterations = any(number(entry["iterations_per_window"]) > 1.0001 for entry in study.rows)
+    names = study.axes + study.quantities + ["wall time", "of the processors"]
+    if iterations:
+        names.append("iterations")
+    text = heading(names)
+    for entry in study.rows:
+        cells = [entry[axis] for axis in study.axes]
+        if study.finished(entry):
+            cells += [f"{number(entry[q]):.5g} ({percent(study.signed_error(entry, q), '+')})" for q in study.quantities]
+        else:
+            cells += [entry["status"]] + [""] * (len(study.quantities) - 1)
+        cells += [time_text(study, entry), seconds(number(entry["processor_s"]))]
+        if iterations:
+            cells.append(f"{number(entry['iterations_per_window']):.3g}" if entry["iterations_per_window"] else "-")
+        text += row(cells)
     return text
+
+
+def table_of_lines(study):
+    """A column for each line: largest error and time of each step."""
+    lines = study.series()
+    text = heading([study.axes[0]] + [", ".join(name) for name in lines])
+    for step in dict.fromkeys(entry[study.axes[0]] for entry in study.rows):
+        cells = [step]
+        for line in lines.values():
+            entry = next((e for e in line if e[study.axes[0]] == step), None)
+            if entry is None:
+                cells.append("")
+            elif study.finished(entry):
+                time = seconds(number(entry["processor_s"])) if study.busy() else time_text(study, entry)
+                cells.append(f"{percent(number(entry['error']))}, {time}")
+            else:
+                cells.append(entry["status"])
+        text += row(cells)
+    what = "Largest error of " + ", ".join(study.quantities) if len(study.quantities) > 1 else "Error of " + study.quantities[0]
+    return text + f"\n{what}, and {'time of the processors' if study.busy() else 'wall time'}.\n"
+
+
+def table_of_classes(study):
+    def cell(entry):
+        text = entry["class"] + (", **a lie**" if entry["lie"] == "1" else "")
+        iterations = number(entry["iterations_per_window"])
+        if entry["class"] == "stable" and iterations > 1.0001:
+            return f"{text}, {iterations:.3g}"
+        if entry["class"] == "inaccurate":
+            return f"{text}, {percent(number(entry['error']))}"
+        return text
+
+    if len(study.axes) == 1:
+        return heading([study.axes[0], "", "symptom"]) + "".join(
+            row([entry[study.axes[0]], cell(entry), entry["symptom"]]) for entry in study.rows)
+    first, second = study.axes[0], study.axes[1]
+    steps = list(dict.fromkeys(entry[first] for entry in study.rows))
+    text = heading([f"{second} \\ {first}"] + steps)
+    for other in dict.fromkeys(entry[second] for entry in study.rows):
+        found = {entry[first]: cell(entry) for entry in study.rows if entry[second] == other}
+        text += row([other] + [found.get(step, "") for step in steps])
+    return text
+
+
+def table_of_limits(study):
+    key = study.scene["bisect"]["key"]
+    with open(EVIDENCE / f"{study.name}-limits.csv", newline="", encoding="utf-8") as file:
+        limits = list(csv.DictReader(file))
+    text = heading(study.axes + [f"{key}: holds", "does not", "as"])
+    for entry in limits:
+        text += row([entry[axis] for axis in study.axes]
+                    + [f"{number(entry[name]):.3g}" if entry[name] else "-" for name in ("holds", "fails")]
+                    + [f"{entry['class']}: {entry['symptom']}" if entry["symptom"] else entry["class"]])
+    return text
+
+
+def counts(study):
+    kinds = {}
+    for entry in study.rows:
+        kinds[entry["class"]] = kinds.get(entry["class"], 0) + 1
+    return kinds, sum(entry["lie"] == "1" for entry in study.rows)
+
+
+def study_block(names, page):
+    study = Study(names[0])
+    notes = []
+    if "class" in study.columns:
+        text = table_of_limits(study) if "bisect" in study.scene else table_of_classes(study)
+        kinds, lies = counts(study)
+        notes.append(f"{len(study.rows)} runs: " + ", ".join(f"{count} {kind}" for kind, count in kinds.items())
+                     + f"; {lies or 'none'} wrong and yet ended as done.")
+    else:
+        text = table_of_rows(study) if len(study.axes) == 1 else table_of_lines(study)
+        notes = footnotes(study)
+    picture = EVIDENCE / f"{study.name}.png"
+    notes.append(f"`coupler study configs/studies/{study.name}.toml`")
+    text += "\n" + " ".join(notes) + "\n"
+    if picture.exists():
+        text += f"\n![{study.title}]({os.path.relpath(picture, page.parent)})\n"
+    return text
+
+
+def costs_block(names, page):
+    text = heading(["study"] + [f"below {100 * limit:g} %" for limit in LIMITS])
+    scattered = False
+    for name in names:
+        study = Study(name)
+        cells = [f"[{study.title}]({os.path.relpath(STUDIES / f'{name}.toml', page.parent)})"]
+        for limit in LIMITS:
+            best = study.cheapest(limit)
+            if best is None:
+                cells.append("-")
+                continue
+            time = seconds(number(best["processor_s"])) + "†" if study.busy() else time_text(study, best)
+            scattered |= study.busy()
+            cells.append(f"{study.label(best)}: {time}")
+        text += row(cells)
+    if scattered:
+        text += "\n† of the processors: the machine had other work.\n"
+    return text
+
+
+def maps_block(names, page):
+    kinds = ("stable", "inaccurate", "stalled", "diverged", "lost", "refused")
+    text = heading(["map", "runs"] + list(kinds) + ["wrong, yet ended as done"])
+    for name in names:
+        study = Study(name)
+        found, lies = counts(study)
+        text += row([f"[{study.title}]({os.path.relpath(STUDIES / f'{name}.toml', page.parent)})", len(study.rows)]
+                    + [found.get(kind, 0) or "" for kind in kinds] + [lies])
+    return text
+
+
+def gallery_block(_, page):
+    with open(ROOT / "configs" / "gallery.toml", "rb") as file:
+        entries = tomllib.load(file)["scene"]
+    with open(EVIDENCE / "gallery.csv", newline="", encoding="utf-8") as file:
+        measured = {entry["scene"]: entry for entry in csv.DictReader(file)}
+    text = heading(["", "scene", "error", "run time"])
+    busy = False
+    for entry in entries:
+        found = measured.get(entry["scene"])
+        if found is None:
+            sys.exit(f"configs/studies/evidence/gallery.csv has no {entry['scene']}: tests/evidence.py --gallery")
+        picture = EVIDENCE / "gallery" / (pathlib.Path(entry["scene"]).stem + ".jpg")
+        error = number(found["error"])
+        what = f"{entry['what']}: {percent(error, '+')}" if math.isfinite(error) else f"{entry['what']}: {found['value']}"
+        loaded = waited(found)
+        busy |= loaded
+        time = seconds(number(found["processor_s" if loaded else "wall_s"])) + ("†" if loaded else "")
+        text += row([f"![{entry['title']}]({os.path.relpath(picture, page.parent)})",
+                     f"**{entry['title']}**. {entry['text']}<br>`./run configs/{entry['scene']}.toml`", what, time])
+    return text + ("\n† of the processors: the machine had other work.\n" if busy else "")
+
+
+BLOCKS = {"study": study_block, "costs": costs_block, "maps": maps_block, "gallery": gallery_block}
 
 
 def main():
@@ -35,14 +309,14 @@ def main():
     stale = []
     for page in (ROOT / name for name in files.split()):
         text = page.read_text(encoding="utf-8")
-        fresh = BLOCK.sub(lambda found: found[1] + block(found[2], page) + found[4], text)
+        fresh = BLOCK.sub(lambda found: found[1] + BLOCKS[found[2]]((found[3] or "").split(), page) + found[5], text)
         if fresh == text:
             continue
         stale.append(page.relative_to(ROOT))
         if not check:
             page.write_text(fresh, encoding="utf-8")
     for page in stale:
-        print(f"{page}: {'is not up to date' if check else 'refreshed'}")
+        print(f"{page}: {'does not say what configs/studies/evidence says: tests/readme_tables.py' if check else 'refreshed'}")
     return 1 if check and stale else 0
 
 

@@ -166,7 +166,7 @@ StudyResults two_results() {
     result.quantities = {
         {.value = 1.1 - 0.05 * static_cast<double>(k), .reference = 1, .error = k == 0 ? 0.1 : 0.05}};
     result.error = result.quantities.front().error;
-    result.wall_s = 1.0 + static_cast<double>(k);
+    result.wall_s = result.cost_s = 1.0 + static_cast<double>(k);
     result.runs = 1;
     all.results.push_back(result);
   }
