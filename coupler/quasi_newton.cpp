@@ -137,7 +137,7 @@ std::vector<std::size_t> ColumnPairs::choose(const QuasiNewtonSettings& settings
 
 std::size_t ColumnPairs::apply(std::span<double> right, std::span<double> answer,
                                const std::vector<double>& weights, const QuasiNewtonSettings& settings,
-                               double smallest) const {
+                               double smallest, Rest rest) const {
   if (pairs_.empty()) return 0;
   Eigen::MatrixXd triangle;
   std::vector<std::size_t> chosen;
@@ -168,15 +168,27 @@ std::size_t ColumnPairs::apply(std::span<double> right, std::span<double> answer
   const auto lower = triangle.topLeftCorner(count, count).triangularView<Eigen::Lower>();
   lower.solveInPlace(projected);
   lower.transpose().solveInPlace(projected);
-  const auto size = static_cast<Eigen::Index>(right.size());
-  Eigen::Map<Eigen::VectorXd> left(right.data(), size);
-  Eigen::Map<Eigen::VectorXd> sum(answer.data(), size);
-  for (Eigen::Index k = 0; k < count; ++k) {
-    const Pair& pair = pairs_[chosen[static_cast<std::size_t>(k)]];
-    left -= projected[k] * Eigen::Map<const Eigen::VectorXd>(pair.residual_change.data(), size);
-    sum += projected[k] * Eigen::Map<const Eigen::VectorXd>(pair.answer_change.data(), size);
+  add_columns(chosen, projected, &Pair::answer_change, answer);
+  if (rest == Rest::needed) {
+    projected = -projected;
+    add_columns(chosen, projected, &Pair::residual_change, right);
   }
   return chosen.size();
+}
+
+// `sum` += columns times factors. Piece by piece, so that what is added to stays in the cache while the
+// columns, which are many times longer than any cache, come from memory once.
+void ColumnPairs::add_columns(const std::vector<std::size_t>& chosen, const Eigen::VectorXd& factors,
+                              std::vector<double> Pair::*column, std::span<double> sum) const {
+  constexpr std::size_t piece = 1024;
+  for (std::size_t begin = 0; begin < sum.size(); begin += piece) {
+    const std::size_t length = std::min(piece, sum.size() - begin);
+    for (std::size_t k = 0; k < chosen.size(); ++k) {
+      const double factor = factors[static_cast<Eigen::Index>(k)];
+      const double* values = (pairs_[chosen[k]].*column).data() + begin;
+      for (std::size_t i = 0; i < length; ++i) sum[begin + i] += factor * values[i];
+    }
+  }
 }
 
 void ColumnPairs::save(StateWriter& state) const {
@@ -234,8 +246,11 @@ void QuasiNewton::update(std::span<const double> residual, std::span<double> ite
   for (std::size_t i = 0; i < right.size(); ++i) right[i] = -residual[i];
   const double smallest = round_off * norm_of(last_answer_);
   columns_used_ = 0;
-  for (const ColumnPairs& problem : problems_)
-    columns_used_ += problem.apply(right, answer, weights_.weights(), settings_, smallest);
+  for (const ColumnPairs& problem : problems_) {
+    const bool last = &problem == &problems_.back() && settings_.remainder == 1;
+    columns_used_ += problem.apply(right, answer, weights_.weights(), settings_, smallest,
+                                   last ? ColumnPairs::Rest::unused : ColumnPairs::Rest::needed);
+  }
   if (columns_used_ == 0) {
     factor_ = settings_.relaxation;
     relax(factor_, residual, iterate);

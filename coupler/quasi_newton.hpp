@@ -59,11 +59,13 @@ public:
   [[nodiscard]] std::size_t count() const { return pairs_.size(); }
   [[nodiscard]] const std::vector<std::size_t>& fields() const { return fields_; }
 
-  /// Finds c that minimises |V c - right| with the weights, subtracts V c from `right` and adds W c to
-  /// `answer`. Columns below `smallest` in norm and those the filter drops take no part. Returns how many
-  /// did.
+  /// Whether somebody looks at what a problem leaves of `right`.
+  enum class Rest { needed, unused };
+  /// Finds c that minimises |V c - right| with the weights, adds W c to `answer` and, where the rest is
+  /// needed, subtracts V c from `right`. Columns below `smallest` in norm and those the filter drops take no
+  /// part. Returns how many did.
   std::size_t apply(std::span<double> right, std::span<double> answer, const std::vector<double>& weights,
-                    const QuasiNewtonSettings& settings, double smallest) const;
+                    const QuasiNewtonSettings& settings, double smallest, Rest rest) const;
 
   void save(StateWriter& state) const;
   void load(StateReader& state);
@@ -75,6 +77,8 @@ private:
     // Product with every older pair and itself, newest of them first; per field.
     std::deque<std::vector<double>> products;
   };
+  void add_columns(const std::vector<std::size_t>& chosen, const Eigen::VectorXd& factors,
+                   std::vector<double> Pair::*column, std::span<double> sum) const;
   [[nodiscard]] double product(std::size_t newer, std::size_t older,
                                const std::vector<double>& weights) const;
   [[nodiscard]] std::vector<std::size_t> choose(const QuasiNewtonSettings& settings,
