@@ -1,4 +1,7 @@
-/* A plate on a spring, in C: the smallest solid on the C interface. The plate is one upright segment of
+/* After `cmake --install build --prefix DIR`:
+ *     cc mass_on_spring.c -I DIR/include -L DIR/lib -lestuary -lm -Wl,-rpath,DIR/lib -o mass-on-spring
+ *
+ * A plate on a spring, in C: the smallest solid on the C interface. The plate is one upright segment of
  * length 1, moves along x, and takes Runge-Kutta steps of its own inside the coupler's windows. */
 #include <math.h>
 #include <stdio.h>

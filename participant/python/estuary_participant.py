@@ -6,7 +6,7 @@ messages that protoc generated (build/generated/python). In another language, wr
 import argparse, concurrent.futures, os, pathlib, re, signal, sys, time, tomllib
 
 here = pathlib.Path(__file__).resolve().parent
-for folder in (os.environ.get("ESTUARY_MESSAGES"), here / "../generated/python", here / "../../build/generated/python"):
+for folder in (os.environ.get("ESTUARY_MESSAGES"), here / "../generated/python", here / "../share/estuary/python", here / "../../build/generated/python"):
     if folder and (pathlib.Path(folder) / "estuary/v1/protocol_pb2.py").exists():
         sys.path.insert(0, str(folder))
         break

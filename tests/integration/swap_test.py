@@ -147,6 +147,19 @@ class CInterface(Case):
         self.assertLess(coarse, 0.02)
         self.assertAlmostEqual(math.log2(coarse / fine), 2.0, delta=0.3)
 
+    def test_compiled_by_hand_against_what_is_installed(self):
+        there = self.folder / "there"
+        subprocess.run(["cmake", "--install", BUILD, "--prefix", there], check=True, stdout=subprocess.DEVNULL)
+        subprocess.run(["cc", SOURCE / "participant/examples/mass_on_spring.c", "-I", there / "include", "-L", there / "lib", "-lestuary", "-lm",
+                        f"-Wl,-rpath,{there}/lib", "-o", self.folder / "my-solver"], check=True)
+        names = subprocess.run(["nm", "--dynamic", "--defined-only", there / "lib/libestuary.so"], capture_output=True, text=True, check=True).stdout
+        self.assertEqual({line.split()[-1] for line in names.splitlines() if "estuary_" not in line}, set())
+        done = self.run_scene(self.masses(), "--set", f"solid.solver={self.folder}/my-solver")
+        self.assertEqual(done.returncode, 0, done.all)
+        elsewhere = subprocess.run([there / "bin/coupler", "check", SOURCE / "configs/fsi/viv-cylinder.toml", "--set", "solid.solver=spring-cylinder"],
+                                   capture_output=True, text=True, env={"PATH": os.environ["PATH"]})
+        self.assertEqual(elsewhere.returncode, 0, elsewhere.stdout + elsewhere.stderr)
+
     def test_the_scene_is_checked_like_any_other(self):
         done = self.coupler("check", self.masses(), "--set", "solid.sprin=2.0")
         self.assertEqual(done.returncode, 2, done.all)
