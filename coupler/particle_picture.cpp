@@ -50,22 +50,31 @@ double radius_of_particles(const std::vector<double>& positions) {
   return 0.62 * *middle;
 }
 
-Shown shown_of(const PointFrame& frame, const std::string& role) {
+/// Not in fluids and rigid bodies.
+bool bears_shear(const PointFrame& frame) {
+  const auto stress = frame.fields.find("von_mises");
+  return stress != frame.fields.end() &&
+         std::any_of(stress->second.values.begin(), stress->second.values.end(),
+                     [](double value) { return value != 0; });
+}
+
+/// `with_stress`: coloured by the stress where there is one, not by the motion.
+Shown shown_of(const PointFrame& frame, bool with_stress) {
   const std::size_t count = frame.positions.size() / 2;
   const auto field = [&](const char* name) {
     const auto found = frame.fields.find(name);
     return found == frame.fields.end() ? nullptr : &found->second;
   };
   Shown shown;
-  if (const auto* stress = field("von_mises"); stress != nullptr && role == "solid") {
+  if (const auto* stress = field("von_mises"); stress != nullptr && with_stress) {
     shown.label = "von Mises stress [Pa]";
     shown.value = magnitude(*stress);
-  } else if (const auto* displacement = field("displacement"); displacement != nullptr) {
-    shown.label = "displacement [m]";
-    shown.value = magnitude(*displacement);
   } else if (const auto* velocity = field("velocity"); velocity != nullptr) {
     shown.label = "speed [m/s]";
     shown.value = magnitude(*velocity);
+  } else if (const auto* displacement = field("displacement"); displacement != nullptr) {
+    shown.label = "displacement [m]";
+    shown.value = magnitude(*displacement);
   }
   shown.value.resize(count, 0.0);
   if (const auto* radius = field("radius")) {
@@ -113,14 +122,15 @@ Picture draw_particles(const std::filesystem::path& run_folder, const std::strin
   if (first && first->file == last->file) first.reset();
   const PointFrame end = read_point_frame(last->file);
   if (end.positions.size() < 4) throw std::runtime_error(fmt::format("The last frame of {} is empty.", role));
-  const Shown shown = shown_of(end, role);
+  const bool with_stress = role == "solid" && bears_shear(end);
+  const Shown shown = shown_of(end, with_stress);
   Box box;
   box.include(end, shown);
   std::string data = block("last", end, shown);
   double most = *std::max_element(shown.value.begin(), shown.value.end());
   if (first) {
     const PointFrame begin = read_point_frame(first->file);
-    const Shown begin_shown = shown_of(begin, role);
+    const Shown begin_shown = shown_of(begin, with_stress);
     box.include(begin, begin_shown);
     data += block("first", begin, begin_shown);
     if (!begin_shown.value.empty())
