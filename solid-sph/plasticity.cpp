@@ -2,6 +2,31 @@
 
 namespace estuary::solid {
 
+double Plasticity::dissipation(double from, double to) const {
+  const auto density = [&](double alpha) {
+    double slope = 0;
+    return (1 - damage(alpha)) * at(alpha, slope);
+  };
+  double sum = 0;
+  while (from < to) {
+    double end = to;
+    const auto stop_at = [&](double kink) {
+      if (kink > from && kink < end) end = kink;
+    };
+    for (std::size_t k = 1; k + 1 < strain.size(); ++k) stop_at(strain[k]);
+    if (damage_limit > 0) {
+      stop_at(damage_from);
+      stop_at(damage_to);
+      // Simpson's rule, exact for the product of two linear functions.
+      sum += (end - from) / 6 * (density(from) + 4 * density(0.5 * (from + end)) + density(end));
+    } else {
+      sum += 0.5 * (end - from) * (density(from) + density(end));
+    }
+    from = end;
+  }
+  return sum;
+}
+
 J2Plasticity::Returned J2Plasticity::return_map(std::array<double, 3> trial, double alpha) const {
   Returned r;
   const double mean = (trial[0] + trial[1] + trial[2]) / 3;
@@ -112,12 +137,13 @@ J2Plasticity::Result J2Plasticity::update(const Tensor<double>& f, const double*
   Result result;
   const double undamaged = 0.5 * bulk * trace * trace + mu * deviator2;
   result.stored = whole * undamaged;
-  // Plastic work at the mean effective yield stress of the increment, and the energy damage sets free.
-  double slope = 0;
-  const double before = r.gamma > 0 ? plasticity->at(alpha, slope) : 0;
-  const bool rated = plasticity->reference_rate > 0 && time_step > 0;
-  result.dissipated =
-      whole * r.gamma * (rated ? r.yield : 0.5 * (before + r.yield)) + (damage - history[5]) * undamaged;
+  // Plastic work, at the increment's one rate, and the energy damage sets free.
+  if (r.gamma > 0) {
+    double slope = 0;
+    const double rate_factor = r.yield / plasticity->at(alpha_now, slope);
+    result.dissipated =
+        rate_factor * plasticity->dissipation(alpha, alpha_now) + (damage - history[5]) * undamaged;
+  }
   result.plastic = r.gamma > 0;
   const double j2d = determinant(f);
   result.across = plane == Plane::strain ? tau[2] / j2d : 0;

@@ -39,6 +39,9 @@ struct Plasticity {
     slope = (yield[k + 1] - yield[k]) / (strain[k + 1] - strain[k]);
     return yield[k] + slope * (alpha - strain[k]);
   }
+  /// What flow from one plastic strain to another dissipates [J/m3]: the static yield stress times what
+  /// damage leaves of it, integrated exactly over every kink of both.
+  [[nodiscard]] double dissipation(double from, double to) const;
   [[nodiscard]] double damage(double alpha) const {
     if (!(damage_limit > 0) || alpha <= damage_from) return 0;
     return damage_limit * std::min(1.0, (alpha - damage_from) / (damage_to - damage_from));

@@ -73,6 +73,37 @@ TEST(J2, TableIsFollowedRoundItsCorner) {
   const Tensor<double> f{l, 0, 0, 1 / l};
   EXPECT_NEAR(von_mises(product(end.stress, transposed(f)), end.across) / (kYield + 0.02 * kHardening), 1,
               1e-10);
+  const double level = kYield + 0.02 * kHardening;
+  EXPECT_NEAR(history[6] / (0.01 * (kYield + level) + (history[4] - 0.02) * level), 1, 1e-12);
+}
+
+TEST(J2, StressOfALargeIncrementIsTheDerivativeOfWhatItStoresAndDissipates) {
+  for (const Plane plane : {Plane::strain, Plane::stress}) {
+    const Metal metal(plane);
+    const auto history = metal.rest();
+    const Tensor<double> f{1.08, 0.05, -0.02, 0.97};
+    const auto end = metal.law.update(f, history.data(), nullptr);
+    ASSERT_GT(end.dissipated, 0.03 * kYield);  // well round the table's corner
+    const auto at = [&](double xx, double xy) {
+      return metal.law.energy_density({f.xx + xx, f.xy + xy, f.yx, f.yy}, history.data());
+    };
+    EXPECT_NEAR((at(1e-6, 0) - at(-1e-6, 0)) / 2e-6 / end.stress.xx, 1, 1e-6);
+    EXPECT_NEAR((at(0, 1e-6) - at(0, -1e-6)) / 2e-6 / end.stress.xy, 1, 1e-5);
+  }
+}
+
+TEST(J2, DissipationIsTheIntegralOverYieldAndDamage) {
+  Plasticity p;
+  p.strain = {0, 0.1, 0.2};
+  p.yield = {1, 3, 3};
+  EXPECT_NEAR(p.dissipation(0.05, 0.25), 0.05 * 2.5 + 0.15 * 3, 1e-15);
+  p.damage_from = 0.1;
+  p.damage_to = 0.2;
+  p.damage_limit = 0.5;
+  EXPECT_NEAR(p.dissipation(0.05, 0.25), 0.05 * 2.5 + 0.1 * 3 * 0.75 + 0.05 * 3 * 0.5, 1e-15);
+  p.yield = {1, 2, 3};
+  EXPECT_NEAR(p.dissipation(0.1, 0.2), 0.1 * (2.5 - 0.5 * (2.0 / 2 + 1.0 / 3)),
+              1e-15);  // (1 - s / 2) (2 + s)
 }
 
 TEST(J2, IsObjectiveAfterFlow) {
