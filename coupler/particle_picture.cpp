@@ -145,18 +145,19 @@ Picture draw_particles(const std::filesystem::path& run_folder, const std::strin
   const bool beside = first && height > 0.6 * width;
   constexpr double longest = 560;  // pixels of a panel's longer side
   const double scale = longest / std::max(width, height);
-  const double panel_width = std::max(260.0, scale * width) + 130;
-  const double panel_height = std::max(90.0, scale * height) + 90;
+  const double panel_width = std::max(260.0, scale * width) + 190;
+  const double panel_height = std::max(90.0, scale * height) + 100;
   const double columns = beside ? 2 : 1;
   const double rows = first && !beside ? 2 : 1;
   std::string script =
       data +
       fmt::format(
-          "set multiplot layout {:.0f},{:.0f}\nunset key\nset size ratio -1\nset border lc rgb "
+          "set multiplot layout {:.0f},{:.0f}\nunset key\nset size ratio -1\nset lmargin 9\nset rmargin "
+          "18\nset xlabel 'x [m]'\nset ylabel 'y [m]'\nset border lc rgb "
           "'#606060'\nset tics out nomirror scale 0.5\n",
           rows, columns) +
       "set palette defined (0 '#440154', 1 '#3b528b', 2 '#21918c', 3 '#5ec962', 4 '#fde725')\n" +
-      fmt::format("set cbrange [0:{:.6g}]\nset format cb '%.3g'\nset cblabel {}\n", most > 0 ? most : 1.0,
+      fmt::format("set cbrange [0:{:.6g}]\nset format cb '%.4g'\nset cblabel {}\n", most > 0 ? most : 1.0,
                   Gnuplot::quoted(shown.label)) +
       fmt::format("set xrange [{:.9g}:{:.9g}]\nset yrange [{:.9g}:{:.9g}]\nset xtics {:.3g}\n",
                   box.low[0] - 0.02 * width, box.high[0] + 0.02 * width, box.low[1] - 0.02 * height,

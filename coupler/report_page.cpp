@@ -45,14 +45,15 @@ bool looks_like_number(std::string_view text) {
           text.find_first_of("0123456789") != std::string_view::npos);
 }
 
-std::string cell(std::string_view text) {
+/// Flush right when `number`: a column of numbers lines up, a number among texts does not stand apart.
+std::string cell(std::string_view text, bool number) {
   for (const std::string_view kind : {"good", "bad"}) {
     if (text.starts_with(kind) && text.substr(kind.size()).starts_with(":")) {
       return fmt::format("<td><span class=\"{}\">{}</span></td>", kind,
                          html_escaped(text.substr(kind.size() + 1)));
     }
   }
-  return fmt::format("<td{}>{}</td>", looks_like_number(text) ? " class=\"number\"" : "", html_escaped(text));
+  return fmt::format("<td{}>{}</td>", number ? " class=\"number\"" : "", html_escaped(text));
 }
 
 }  // namespace
@@ -128,12 +129,23 @@ void ReportPage::list(const std::vector<std::string>& entries) {
 
 void ReportPage::table(const std::vector<std::string>& names,
                        const std::vector<std::vector<std::string>>& rows) {
+  const auto is_number = [&](std::size_t column) {
+    return std::all_of(rows.begin(), rows.end(), [&](const auto& row) {
+      return column >= row.size() || row[column].empty() || row[column] == "-" ||
+             looks_like_number(row[column]);
+    });
+  };
+  std::vector<bool> numbers;
   body_ += "<div class=\"table\"><table>\n<tr>";
-  for (const auto& name : names) body_ += fmt::format("<th>{}</th>", html_escaped(name));
+  for (const auto& name : names) {
+    numbers.push_back(is_number(numbers.size()));
+    body_ += fmt::format("<th{}>{}</th>", numbers.back() ? " class=\"number\"" : "", html_escaped(name));
+  }
   body_ += "</tr>\n";
   for (const auto& row : rows) {
     body_ += "<tr>";
-    for (const auto& entry : row) body_ += cell(entry);
+    for (std::size_t column = 0; column < row.size(); ++column)
+      body_ += cell(row[column], column < numbers.size() && numbers[column]);
     body_ += "</tr>\n";
   }
   body_ += "</table></div>\n";
