@@ -101,7 +101,7 @@ def scene_row(entry, out, processor_s):
         error = -error  # larger in size is +
     pictures = EVIDENCE / "gallery"
     pictures.mkdir(parents=True, exist_ok=True)
-    make_small(out / "pictures" / entry["picture"], pictures / (pathlib.Path(entry["scene"]).stem + ".jpg"),
+    make_small(out / "report" / entry["picture"], pictures / (pathlib.Path(entry["scene"]).stem + ".jpg"),
                entry.get("part", [0, 0, 1, 1]))
     return {"scene": entry["scene"], "quantity": entry["quantity"], "value": f"{value:.6g}",
             "reference": "" if reference is None else f"{reference:.6g}", "error": f"{error:.6g}" if error != "" else "",

@@ -252,7 +252,7 @@ def costs_block(names, page):
     scattered = False
     for name in names:
         study = Study(name)
-        cells = [f"[{study.title}]({os.path.relpath(STUDIES / f'{name}.toml', page.parent)})"]
+        cells = [f"[{study.title.split(':')[0]}]({os.path.relpath(STUDIES / f'{name}.toml', page.parent)})"]
         for limit in LIMITS:
             best = study.cheapest(limit)
             if best is None:
@@ -291,7 +291,10 @@ def gallery_block(_, page):
             sys.exit(f"configs/studies/evidence/gallery.csv has no {entry['scene']}: tests/evidence.py --gallery")
         picture = EVIDENCE / "gallery" / (pathlib.Path(entry["scene"]).stem + ".jpg")
         error = number(found["error"])
-        what = f"{entry['what']}: {percent(error, '+')}" if math.isfinite(error) else f"{entry['what']}: {found['value']}"
+        result = percent(error, "+")
+        if not math.isfinite(error):
+            result = f"{number(found['value']) * entry.get('scale', 1):.3g} {entry['unit']}"
+        what = f"{entry['what']}: {result}"
         loaded = waited(found)
         busy |= loaded
         time = seconds(number(found["processor_s" if loaded else "wall_s"])) + ("†" if loaded else "")
