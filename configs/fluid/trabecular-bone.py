@@ -5,7 +5,8 @@ Cosine waves of one wave length, random directions and random phases are summed;
 dark (bone), elsewhere bright (marrow). The threshold is chosen for the wanted share of bone. Usage:
     trabecular-bone.py FILE [--width 123] [--height 100] [--wave 26] [--bone 0.35] [--seed 3] [--scale 1] [--held]
 `--scale 2` draws the same bone with twice the pixels. `--held` leaves out bone that does not reach the left, right or
-lower edge, and fills marrow that no edge is reached from: then every piece can be held, and marrow can flow everywhere.
+lower edge, and fills marrow that does not reach from the upper edge to the lower: then every piece can be held, and marrow
+can flow everywhere from above.
 """
 import argparse
 import math
@@ -38,7 +39,7 @@ def keep_held(rows):
             for r, c in region:
                 rows[r][c] = False
     for region in regions(rows, False):
-        if not any(c in (0, width - 1) or r in (0, height - 1) for r, c in region):
+        if not (any(r == 0 for r, c in region) and any(r == height - 1 for r, c in region)):
             for r, c in region:
                 rows[r][c] = True
 
