@@ -45,6 +45,8 @@ TEST_P(ReadyStudy, CanBeRunWithEveryValue) {
   bool judged = false;
   for (auto& cell : cells_of_each_value(reading.study)) {
     const PreparedCell prepared = store.prepare(std::move(cell));
+    // Solvers of other houses are not on every machine; what is missing then is said with how to install it.
+    if (prepared.refused.find("./set-up --foreign") != std::string::npos) continue;
     EXPECT_EQ(prepared.refused, "") << prepared.cell.name();
     if (judged || !prepared.refused.empty()) continue;
     judged = true;
