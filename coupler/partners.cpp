@@ -105,6 +105,11 @@ void Partners::start() {
   if (grains_.there()) {
     const v1::Exchange grains_bring = ask_start(grains_, for_others);
     if (fluid_.there()) {
+      if (!grains_bring.has_grain_states())
+        throw RunFailure(
+            ExitStatus::wrong_scene,
+            "participant 'grains' brings no states of its grains, which the fluid needs",
+            "its answer to Start has to hold `grain_states`; or leave the fluid out: --set fluid=off");
       grain_states_ = grains_bring.grain_states();
       check_grain_states(grain_states_, scene_.dimension, position_);
       *for_others.mutable_grain_states() = grain_states_;
@@ -114,12 +119,20 @@ void Partners::start() {
 }
 
 void Partners::take_surface(v1::Exchange& for_others) {
-  if (!for_others.has_wet_surface() || !for_others.has_displacements()) {
+  if (!for_others.has_wet_surface()) {
     throw RunFailure(ExitStatus::wrong_scene,
                      "participant 'solid' brings no wet surface, so nothing can act on it",
                      "name its wet sides");
   }
   surface_ = for_others.wet_surface();
+  const auto& motion = for_others.displacements();
+  if (motion.displacement().empty() || motion.velocity().empty()) {
+    throw RunFailure(ExitStatus::wrong_scene,
+                     fmt::format("participant 'solid' brings a wet surface, but no {} of its nodes",
+                                 motion.displacement().empty() ? "displacement" : "velocity"),
+                     "its answer to Start has to hold `displacements` with both, as many values as the "
+                     "surface's positions: zeros at rest");
+  }
   try {
     check_wet_surface(surface_);
   } catch (const std::invalid_argument& error) {

@@ -14,6 +14,9 @@ class Odd(Participant):
 
     def configure(self, table, scene):
         self.stiffness = table.take("stiffness", 1.0)
+        if FAULT == "no-grain-states":
+            for key in table.values:
+                table.take(key, 0, None)
 
     def start(self, initial):
         self.memory = 0.0
@@ -21,8 +24,12 @@ class Odd(Participant):
         self.size = len(positions)
         dimension = 3 if FAULT == "surface-in-3d" else 2
         self.surface = payload.WetSurface(identity=5, dimension=dimension, reference_positions=positions, connectivity=range(dimension))
-        if FAULT == "no-surface":
+        if FAULT in ("no-surface", "no-grain-states"):
             return payload.Exchange()
+        if FAULT == "no-start-displacements":
+            return payload.Exchange(wet_surface=self.surface)
+        if FAULT == "no-start-velocity":
+            return payload.Exchange(wet_surface=self.surface, displacements=payload.Displacements(surface=5, displacement=[0.0] * self.size))
         return payload.Exchange(wet_surface=self.surface, displacements=self.motion([0.0] * self.size))
 
     def motion(self, values):
@@ -51,6 +58,8 @@ if FAULT == "three-dimensional":
     Odd.dimensions = [3]
 if FAULT == "another-role":
     Odd.roles = ["fluid"]
+if FAULT == "no-grain-states":
+    Odd.roles, Odd.capabilities = ["grains"], [*Odd.capabilities, "grains"]
 if FAULT == "another-protocol":
     kit.PROTOCOL_VERSION = 2
 serve(Odd())

@@ -70,6 +70,15 @@ class Refusals(Case):
         self.refused("no-surface", "brings no wet surface", "name its wet sides")
         self.refused("surface-in-3d", "in 3 dimensions to a scene in 2")
 
+    def test_a_field_that_is_missing_at_the_start_is_named(self):
+        self.refused("no-start-displacements", "no displacement of its nodes", "answer to Start has to hold `displacements`")
+        self.refused("no-start-velocity", "no velocity of its nodes", "zeros at rest")
+        done = self.run_scene(SOURCE / "configs/grains/settling-disc.toml", "--set", f"grains.solver={ODD} --fault=no-grain-states")
+        self.assertEqual(done.returncode, 2, done.all)
+        self.assertIn("'grains' brings no states of its grains", done.stderr)
+        self.assertIn("`grain_states`", done.stderr)
+        self.assertEqual(self.summary()["windows"], 0)
+
     def test_a_field_that_is_missing_is_named(self):
         done = self.run_scene(self.springs(f"{ODD} --fault=no-displacements"))
         self.assertEqual(done.returncode, 4, done.all)
