@@ -77,11 +77,13 @@ void plan_shells(const SolidScene& scene, Plan& plan) {
   for (const BodyScene& body : scene.bodies) {
     const Polygon& line = body.loops.front();
     double length = 0;
+    double links = 0;
     for (std::size_t k = 0; k + (body.shell->closed ? 0 : 1) < line.size(); ++k) {
       const auto &a = line[k], &b = line[(k + 1) % line.size()];
-      length += std::hypot(b[0] - a[0], b[1] - a[1]);
+      const double piece = std::hypot(b[0] - a[0], b[1] - a[1]);
+      length += piece;
+      links += std::max(1.0, std::round(piece / scene.spacing));
     }
-    const double links = std::round(length / scene.spacing);
     particles += links + (body.shell->closed ? 0 : 1);
     const double h = body.shell->thickness;
     plan.derived.emplace_back(
