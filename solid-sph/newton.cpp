@@ -97,7 +97,7 @@ NewtonSolver::Outcome NewtonSolver::minimise(std::vector<double>& displacement,
     const double slope = -dot(right_hand_side_, solution_);
     double share = 1, next = energy;
     bool descended = false;
-    for (; share > 1e-4; share *= 0.5) {
+    for (int halvings = 0; halvings < 14; ++halvings, share *= 0.5) {
       for (std::size_t i = 0; i < n; ++i)
         for (std::size_t c = 0; c < 2; ++c)
           trial[2 * i + c] =

@@ -33,6 +33,7 @@ double turn(const Polygon& loop, std::size_t k) {
 
 Polygon resampled(const Polygon& loop, double spacing) {
   const std::size_t n = loop.size();
+  if (n == 0) return {};
   std::vector<std::size_t> corners;
   for (std::size_t k = 0; k < n; ++k)
     if (std::abs(turn(loop, k)) > kCorner) corners.push_back(k);

@@ -41,6 +41,7 @@ struct Block {
     box.to = {o.length, o.height};
     box.spacing = o.height / o.across;
     box.clamped = {o.left, false, o.right, false};
+    box.even = o.plane == Plane::strain && o.poisson > 0.45;  // as scenes are filled
     body = fill(box, o.density, o.smoothing_ratio, false);
     if (o.slide)
       for (std::size_t i = 0; i < body.size(); ++i)
@@ -216,6 +217,7 @@ Verdict bends(const Block::Options& options, double poisson, double young, int a
                shear = young / (2 * (1 + poisson));
   const double force = 1e-4 * modulus * o.height * o.height * o.height / 4;
   ParticleLoad load;
+  const auto rows = static_cast<double>(block.body.columns[1] - 1);
   double y_of_tip = 0;
   std::size_t tip = 0;
   for (std::size_t i = 0; i < block.body.size(); ++i)
@@ -223,7 +225,7 @@ Verdict bends(const Block::Options& options, double poisson, double young, int a
       const double y = block.body.position[2 * i + 1];
       const bool corner = y < 1e-9 || y > 0.1 - 1e-9;
       load.particle.push_back(static_cast<std::uint32_t>(i));
-      load.end.insert(load.end.end(), {0, force * (corner ? 0.5 : 1.0) / across});
+      load.end.insert(load.end.end(), {0, force * (corner ? 0.5 : 1.0) / rows});
       if (std::abs(y - 0.05) < std::abs(y_of_tip - 0.05)) {
         y_of_tip = y;
         tip = i;
