@@ -157,8 +157,8 @@ Picture draw_particles(const std::filesystem::path& run_folder, const std::strin
           "'#606060'\nset tics out nomirror scale 0.5\n",
           rows, columns) +
       "set palette defined (0 '#440154', 1 '#3b528b', 2 '#21918c', 3 '#5ec962', 4 '#fde725')\n" +
-      fmt::format("set cbrange [0:{:.6g}]\nset format cb '%.4g'\nset cblabel {}\n", most > 0 ? most : 1.0,
-                  Gnuplot::quoted(shown.label)) +
+      fmt::format("set cbrange [0:{:.6g}]\nset format cb '%.4g'\nset cblabel {} offset 3\n",
+                  most > 0 ? most : 1.0, Gnuplot::quoted(shown.label)) +
       fmt::format("set xrange [{:.9g}:{:.9g}]\nset yrange [{:.9g}:{:.9g}]\nset xtics {:.3g}\n",
                   box.low[0] - 0.02 * width, box.high[0] + 0.02 * width, box.low[1] - 0.02 * height,
                   box.high[1] + 0.02 * height, std::pow(10, std::floor(std::log10(width))) / 2);

@@ -101,7 +101,7 @@ void add_checks(ReportPage& page, const Json& summary) {
     const bool absolute = member(check, "absolute") == true;
     const auto error = [&](const std::optional<double>& value) {
       if (!number(check, "reference") || !value) return std::string("-");
-      return absolute ? fmt::format("{:.4g}", *value) : fmt::format("{:.3f} %", 100 * *value);
+      return absolute ? fmt::format("{:.4g}", *value) : fmt::format("{:.3g} %", 100 * *value);
     };
     rows.push_back({text(check, "quantity"), shown(number(check, "value")), reference,
                     error(number(check, "error")), error(number(check, "tolerance")),

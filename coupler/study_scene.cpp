@@ -85,8 +85,10 @@ StudyAxis read_axis(SceneTable& table, const toml::table& varied, std::vector<Sc
   axis.name = table.text_or("name", "");
   axis.labels = table.texts_or_empty("labels");
   if (table.has("size")) axis.size = table.expression("size");
+  const std::size_t before = problems.size();
   read_values(varied, axis, problems);
   if (axis.keys.empty()) {
+    if (problems.size() > before) return axis;  // there was one, and what is wrong with it has been said
     table.problem("",
                   "a [[vary]] needs a key of the scene with the list of its values, fluid.spacing = [...]");
     return axis;

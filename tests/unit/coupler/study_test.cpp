@@ -99,6 +99,7 @@ exact = "2 * fluid_viscosty"
   EXPECT_THAT(text,
               HasSubstr("study:2:1: unknown key 'repeat' at the top of the scene; did you mean 'repeats'?"));
   EXPECT_THAT(text, HasSubstr("study:4:17: the list of 'fluid.spacing' is empty"));
+  EXPECT_THAT(text, Not(HasSubstr("needs a key"))) << "there is one";
   EXPECT_THAT(text, HasSubstr("study:6:19: 'fluid.viscosity' has 2 values and 'fluid.density' has 1"));
   EXPECT_THAT(text, HasSubstr("study:10:13: an error relative to 0 means nothing; give `scale`"));
 }
