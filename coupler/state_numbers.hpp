@@ -44,7 +44,7 @@ public:
   std::vector<double> list() {
     const std::size_t size = count();
     require(size);
-    const std::vector<double> values(rest_.begin(), rest_.begin() + static_cast<std::ptrdiff_t>(size));
+    std::vector<double> values(rest_.begin(), rest_.begin() + static_cast<std::ptrdiff_t>(size));
     rest_ = rest_.subspan(size);
     return values;
   }
