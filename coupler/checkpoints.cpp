@@ -15,6 +15,7 @@
 #include "atomic_file.hpp"
 #include "elapsed.hpp"
 #include "failure.hpp"
+#include "requirements.hpp"
 
 namespace estuary::coupler {
 namespace {
@@ -106,7 +107,8 @@ std::filesystem::path Checkpoints::coupler_file(std::uint64_t slot) const {
 }
 
 bool Checkpoints::wanted() const {
-  return coupling_.mode == CouplingMode::transient && coupling_.recovery.every != std::uint64_t{0};
+  return !impossible_ && coupling_.mode == CouplingMode::transient &&
+         coupling_.recovery.every != std::uint64_t{0};
 }
 
 bool Checkpoints::start_wanted() const {
@@ -129,6 +131,16 @@ std::uint64_t Checkpoints::next_slot() const {
 }
 
 bool Checkpoints::write(Participants& participants, const Position& position, CouplerState state) {
+  for (const auto& participant : participants.all()) {
+    if (can(participant->identity(), "checkpoint")) continue;
+    impossible_ = true;
+    const std::string line =
+        fmt::format("no checkpoints: '{}' ({} {}) keeps none, so this run cannot be resumed",
+                    participant->role(), participant->identity().name(), participant->identity().version());
+    spdlog::warn("{}", line);
+    std::fputs(fmt::format("coupler: {}\n", line).c_str(), stderr);
+    return false;
+  }
   const auto begin = steady_clock::now();
   CheckpointSet set{.slot = next_slot(), .window = state.window, .files = {}, .state = std::move(state)};
   const auto failed = [&](const std::string& why) {

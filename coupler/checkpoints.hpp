@@ -84,6 +84,7 @@ private:
   double last_cost_ = 0;  // [s]
   std::uint64_t written_ = 0;
   double seconds_ = 0;
+  bool impossible_ = false;  // somebody keeps none
 };
 
 /// The scene without what may be changed when a run is gone on with: where and with how many threads it is

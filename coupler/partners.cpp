@@ -239,8 +239,10 @@ InterfaceState Partners::answer_at_once(const InterfaceState& x, IterationRow& r
   if (grains_.there()) ask(grains_, for_grains(x.motion));
   if (solid_.there()) ask(solid_, for_solid(x.forces));
   std::vector<double> before;
+  before.reserve(questions.size());
   for (const auto& question : questions) before.push_back(question.participant->usage().wall_s);
   std::vector<RemoteParticipant*> asked;
+  asked.reserve(questions.size());
   for (const auto& question : questions) asked.push_back(question.participant);
   std::vector<v1::Reply> replies = participants_.ask_all(std::move(questions), position_);
   for (std::size_t k = 0; k < asked.size(); ++k) {

@@ -38,7 +38,7 @@ struct Modes {
 class AddedMassParticipant final : public Participant {
 public:
   Identity identity() const override {
-    return {"added-mass", "1", {"fluid", "solid"}, {"transient", "wet-surface", "rewind"}, {2}};
+    return {"added-mass", "1", {"fluid", "solid"}, {"transient", "wet-surface", "rewind", "checkpoint"}, {2}};
   }
   Plan configure(Scene& scene, const std::string& role) override {
     solid_ = role == "solid";

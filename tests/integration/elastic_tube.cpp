@@ -117,7 +117,8 @@ Flow solve(const Flow& before, const Vector& a, const Vector& a_before, double d
 class TubeParticipant final : public Participant {
 public:
   Identity identity() const override {
-    return {"elastic-tube", "1", {"fluid", "solid"}, {"transient", "wet-surface", "rewind"}, {2}};
+    return {
+        "elastic-tube", "1", {"fluid", "solid"}, {"transient", "wet-surface", "rewind", "checkpoint"}, {2}};
   }
   Plan configure(Scene& scene, const std::string& role) override {
     role_ = role;

@@ -31,8 +31,11 @@ constexpr std::uint64_t surface_identity = 77;
 class LinearParticipant final : public Participant {
 public:
   Identity identity() const override {
-    return {
-        "linear-participant", "1", {"fluid", "solid"}, {"steady", "transient", "wet-surface", "rewind"}, {2}};
+    return {"linear-participant",
+            "1",
+            {"fluid", "solid"},
+            {"steady", "transient", "wet-surface", "rewind", "checkpoint"},
+            {2}};
   }
 
   Plan configure(Scene& scene, const std::string& role) override {

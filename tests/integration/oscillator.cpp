@@ -33,7 +33,7 @@ struct State {
 class OscillatorParticipant final : public Participant {
 public:
   Identity identity() const override {
-    return {"oscillator", "1", {"fluid", "solid"}, {"transient", "wet-surface", "rewind"}, {2}};
+    return {"oscillator", "1", {"fluid", "solid"}, {"transient", "wet-surface", "rewind", "checkpoint"}, {2}};
   }
   Plan configure(Scene& scene, const std::string& role) override {
     left_ = role == "solid";
