@@ -409,7 +409,7 @@ Examination examine(const CheckedScene* scene, const ConformTarget& target,
   if (scene != nullptr) initial = what_others_bring(*scene, target.role, target.folder / "others", interrupt);
   std::unique_ptr<ChildProcess> child;
   std::string endpoint = target.endpoint;
-  if (!target.command.empty()) {
+  if (scene != nullptr && !target.command.empty()) {
     endpoint = "ipc://" + (target.folder / "socket").string();
     const ParticipantScene participant{
         .role = target.role, .command = target.command, .endpoint = {}, .threads = 1};
