@@ -10,6 +10,7 @@
 #include <fstream>
 #include <random>
 #include <thread>
+#include <utility>
 
 #include "elapsed.hpp"
 #include "failure.hpp"
@@ -47,17 +48,18 @@ std::filesystem::path make_socket_folder() {
   return name;
 }
 
-// Of a participant's output: what ssh or srun say when they fail.
-std::string last_line(const std::filesystem::path& folder, const std::string& role) {
+// Of a participant's output, two lines: what the far side said, and what ssh or srun made of it.
+std::string last_lines(const std::filesystem::path& folder, const std::string& role) {
   std::ifstream in(folder / "log" / (role + ".log"));
+  std::string before;
   std::string last;
   for (std::string line; std::getline(in, line);) {
     line.erase(line.find_last_not_of("\r\n ") + 1);
     // ssh's farewell, after whatever went wrong.
     const bool farewell = line.starts_with("Connection to ") && line.ends_with(" closed.");
-    if (!line.empty() && !farewell) last = line;
+    if (!line.empty() && !farewell) before = std::exchange(last, line);
   }
-  return last;
+  return before.empty() ? last : before + " | " + last;
 }
 
 std::string at(const Position& position) {
@@ -233,7 +235,8 @@ std::vector<std::string> sent_to_host(const ParticipantScene& participant, std::
     for (const auto& word : words) ssh.push_back(quoted(word));
     return ssh;
   }
-  std::vector<std::string> srun = {"srun", "--ntasks=1", "--job-name=estuary-" + participant.role};
+  // Participants wait for one another most of the time: they may share the processors of the allocation.
+  std::vector<std::string> srun = {"srun", "--ntasks=1", "--overlap", "--job-name=estuary-" + participant.role};
   if (!participant.host.empty()) srun.push_back("--nodelist=" + participant.host);
   if (participant.threads > 0) srun.push_back(fmt::format("--cpus-per-task={}", participant.threads));
   srun.insert(srun.end(), words.begin(), words.end());
@@ -348,7 +351,7 @@ void Participants::check_alive(RemoteParticipant& participant, const RemoteParti
     if (const auto how = participant.child_->ended()) {
       if (tries_again(participant)) return;
       const std::string last =
-          participant.scene_.here() ? std::string() : last_line(folder_, participant.role());
+          participant.scene_.here() ? std::string() : last_lines(folder_, participant.role());
       throw lost(last.empty() ? *how : fmt::format("{}; the last it said: {}", *how, last));
     }
   }

@@ -18,8 +18,10 @@ from driver import Failure, Place  # noqa: E402  the folder has to be on the pat
 import host_cases  # noqa: E402
 import hosts  # noqa: E402
 import relay_cases  # noqa: E402
+import slurm  # noqa: E402
+import slurm_cases  # noqa: E402
 
-MODULES = ((relay_cases, lambda: None), (host_cases, hosts.why_not))
+MODULES = ((relay_cases, lambda: None), (host_cases, hosts.why_not), (slurm_cases, slurm.why_not))
 
 
 def main():

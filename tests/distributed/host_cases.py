@@ -1,11 +1,11 @@
 """Runs over two and three hosts, each with its own address and its own files: the same bits as on one."""
 import os
-import pathlib
 import shutil
 import signal
+import subprocess
 import time
 
-from hosts import PROGRAMS, ROOT, HostRun, Network, Run, expect
+from hosts import ROOT, HostRun, Network, Run, expect
 from driver import expect_same, summary
 
 PORT = 5555
@@ -50,6 +50,14 @@ def expect_nothing_left(hosts):
     names = DEFAULT_SOLVERS.values()
     while any(host.process and host.processes(name) for host in hosts for name in names):
         expect(time.monotonic() < deadline, "solvers were left behind on a host")
+        time.sleep(0.05)
+
+
+def expect_no_solvers(folder):
+    """On this machine, below a folder."""
+    deadline = time.monotonic() + 10
+    while subprocess.run(["pgrep", "-f", f"--folder {folder}/"], capture_output=True).returncode == 0:
+        expect(time.monotonic() < deadline, "solvers were left behind")
         time.sleep(0.05)
 
 

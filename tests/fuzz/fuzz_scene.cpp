@@ -1,0 +1,60 @@
+// A scene's text, and after a line of four bars its overrides, one a line: read by the coupler's reader, then
+// written as it was run and read again, which must find the same.
+#include <cstddef>
+#include <cstdint>
+#include <cstdlib>
+#include <string>
+#include <vector>
+
+#include "coupling_scene.hpp"
+#include "scene.hpp"
+
+namespace {
+
+// Everything a solver may ask of its table.
+void ask(estuary::SceneTable table, int depth) {
+  if (depth > 6) return;
+  for (const auto& key : table.keys()) {
+    (void)table.has(key);
+    (void)table.number_or(key, 1.0, estuary::Range::positive());
+    (void)table.integer_or(key, 1, -5, 5);
+    (void)table.boolean_or(key, true);
+    (void)table.text_or(key, "");
+    (void)table.texts_or_empty(key);
+    (void)table.numbers(key, 2);
+    (void)table.points(key, 3);
+    (void)table.expressions(key, 0);
+    (void)table.file(key);
+    for (auto& below : table.tables(key)) ask(below, depth + 1);
+    if (auto below = table.table_if(key)) ask(*below, depth + 1);
+  }
+}
+
+}  // namespace
+
+extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size) {
+  const std::string bytes(reinterpret_cast<const char*>(data), size);
+  const auto bars = bytes.find("\n||||\n");
+  const std::string text = bytes.substr(0, bars);
+  std::vector<std::string> overrides;
+  if (bars != std::string::npos) {
+    for (std::size_t at = bars + 6; at < bytes.size() && overrides.size() < 20;) {
+      const auto end = std::min(bytes.find('\n', at), bytes.size());
+      overrides.push_back(bytes.substr(at, end - at));
+      at = end + 1;
+    }
+  }
+  auto scene = estuary::Scene::parse(text, "fuzz", overrides);
+  const bool sound = scene.problems().empty();
+  const std::vector<std::string_view> without{"title", "coupling.window"};
+  if (sound) {
+    const auto again = estuary::Scene::parse(scene.as_run(), "again");
+    if (!again.problems().empty() || again.canonical({}) != scene.canonical({})) std::abort();
+  }
+  (void)scene.canonical(without);
+  scene.confine_files("/tmp");
+  (void)estuary::coupler::read_coupling_scene(scene);
+  ask(scene.root(), 0);
+  for (const auto& problem : scene.problems()) (void)estuary::describe("fuzz", problem);
+  return 0;
+}
