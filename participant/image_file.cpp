@@ -34,6 +34,13 @@ GreyImage read_png(const std::filesystem::path& file, const std::string& bytes) 
     png_image_free(&image);
     refuse_image(file, "has too many pixels");
   }
+  // Its compression shrinks by a thousand at most, and a pixel has at least one bit: a few bytes that claim
+  // more would only make us ask for gigabytes.
+  constexpr std::uint64_t most_pixels_per_byte = 8 * 1100;
+  if (std::uint64_t{image.width} * image.height > most_pixels_per_byte * bytes.size()) {
+    png_image_free(&image);
+    refuse_image(file, "ends before its last row");
+  }
   image.format = PNG_FORMAT_RGB;
   std::vector<std::uint8_t> colours(PNG_IMAGE_SIZE(image));
   const png_color white{255, 255, 255};  // behind what is transparent

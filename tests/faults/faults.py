@@ -17,15 +17,17 @@ import tempfile
 import time
 
 from driver import Failure, Place, expect
+import clock_cases
 import disk_cases
 import message_cases
 import phase_cases
 import recovery_cases
 import security_cases
+import scene_cases
 import scenes
 
 CASES = {}
-for module in (recovery_cases, phase_cases, message_cases, security_cases, disk_cases):
+for module in (recovery_cases, phase_cases, message_cases, security_cases, disk_cases, clock_cases, scene_cases):
     CASES.update({name[5:]: value for name, value in vars(module).items() if name.startswith("case_")})
 
 

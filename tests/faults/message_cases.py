@@ -178,12 +178,43 @@ def case_who_listens_but_says_nothing(place):
 def case_fields_that_are_wrong(place):
     """Values that are not finite, of another length, huge, or of a surface that changed: named, and never taken."""
     for who, kind, status, line in (("fluid", "nan", 3, "pressure = nan"), ("solid", "nan", 3, "displacement = nan"),
+                                    ("fluid", "infinite", 3, "pressure = inf"), ("solid", "infinite", 3, "displacement = inf"),
                                     ("fluid", "wrong-length", 4, "'fluid'"),
-                                    ("solid", "wrong-length", 4, "'solid'")):
+                                    ("solid", "wrong-length", 4, "'solid'"),
+                                    ("fluid", "nothing", 4, "'fluid'"), ("solid", "nothing", 4, "'solid'"),
+                                    ("fluid", "another-surface", 4, "'fluid'"), ("solid", "another-surface", 4, "'solid'")):
         bad = f'misbehaviour = "{kind}"\nat_window = 7'
         scene = place.springs(**{who: bad})
         run = finished(scene, place.folder / f"{who}-{kind}", status=status, line=line)
         expect("window 7" in run.said() and "saved after window 5" in run.said(), run.said())
+    # Huge ones are numbers: the window diverges, which is said, and it is tried again; zeros are a load like any other. What they were
+    # for one iteration leaves no trace.
+    reference = place.folder / "undisturbed"
+    finished(place.springs(), reference)
+    for who, kind in (("fluid", "huge"), ("solid", "huge"), ("fluid", "zero"), ("solid", "zero")):
+        scene = place.springs(**{who: f'misbehaviour = "{kind}"\nat_window = 7'})
+        run = finished(scene, place.folder / f"{who}-{kind}")
+        expect(kind == "zero" or "diverged: window 7" in run.log(), run.log())
+        ours, theirs = ((folder / "watch/tip.csv").read_text().splitlines()[-1].split(",") for folder in (run.out, reference))
+        expect(ours[0] == theirs[0] and abs(float(ours[1]) - float(theirs[1])) < 1e-3 * float(theirs[1]), f"{ours} {theirs}")
+
+
+def case_a_message_that_is_too_large(place):
+    """Nothing of it is kept, and others are served."""
+    port = free_port()
+    with Server(place, "server", f"tcp://127.0.0.1:{port}") as server:
+        server.wait_for("elastic-tube 1 at")
+        client, other = Client(f"tcp://127.0.0.1:{port}"), Client(f"tcp://127.0.0.1:{port}")
+        expect(2 in other.ask(request(HELLO)), "no answer")
+        client.socket.send(bytes(300 << 20))
+        time.sleep(1)
+        expect(2 in other.ask(request(HELLO)), "no answer beside a large message")
+        with open(f"/proc/{server.process.pid}/status") as file:
+            peak = next(int(line.split()[1]) for line in file if line.startswith("VmHWM"))
+        client.close()
+        other.close()
+        expect(peak < 100_000, f"{peak} kB were taken")
+        return f"{peak} kB at most"
 
 
 # A scene of each kind of file that a solver reads, with the file at %s.

@@ -84,3 +84,82 @@ def case_interrupt_in_every_phase(place):
                 time.sleep(0.02)
             finished(scene, out, "--resume")
             expect_same(out, undisturbed, frames=False)
+
+
+def first_word_of_a_loss(run):
+    """What the coupler says of it, once it has noticed."""
+    return next((line for line in run.said().splitlines() if "was lost" in line or "interrupted" in line or "did not answer" in line), None)
+
+
+def struck(place, phase, number, victim):
+    """One signal to one process in one phase: (what came of it, time until it was noticed, time until the end)."""
+    if phase in ("connect", "exchange"):
+        scene = place.springs(recovery="[recovery]\nevery = 3", solid="seconds = 0.01")
+        mark = None
+    else:
+        scene, mark = dwell(place, "fluid", phase)
+    out = place.folder / "out"
+    run = Run(scene, out, limit=40)
+    if phase == "connect":
+        while "fluid" not in run.participants():
+            expect(run.process.poll() is None and time.monotonic() - run.begin < 20, run.said())
+    elif phase == "exchange":
+        run.wait_for_window(7)
+    else:
+        if phase == "load":
+            run.wait_for_window(8)
+            os.kill(run.participants()["solid"], signal.SIGKILL)
+        wait_for(run, mark)
+    lines_before = len(run.said().splitlines())
+    moment = time.monotonic()
+    target = run.process.pid if victim == "coupler" else run.participants().get("fluid")
+    if target is None:
+        run.end()
+        return "had ended already", 0.0, 0.0
+    os.kill(target, number)
+    if victim == "coupler" and number == signal.SIGSTOP:
+        time.sleep(1)
+        os.kill(target, signal.SIGCONT)
+    if victim == "coupler" and number in (signal.SIGINT, signal.SIGTERM) and phase == "save":
+        time.sleep(0.3)  # a checkpoint is let be completed; asked again it ends
+        os.kill(target, number)
+    noticed = None
+    while run.process.poll() is None:
+        expect(time.monotonic() - moment < 40, f"{phase} {number.name} {victim}: does not end: {run.said()}")
+        if noticed is None and len(run.said().splitlines()) > lines_before:
+            noticed = time.monotonic() - moment
+        time.sleep(0.01)
+    took = time.monotonic() - moment
+    status = run.end()
+    while run.participants():
+        expect(time.monotonic() - moment - took < 5, f"{phase} {number.name} {victim}: processes were left behind")
+        time.sleep(0.02)
+    what = {0: "goes on" if "goes on after" in run.said() or "goes on from" in run.said() else "done"}.get(status, f"exit {status}")
+    if status != 0:
+        finished(scene, out, "--resume")
+        what += ", resumed"
+    return what, noticed if noticed is not None else took, took
+
+
+def case_table_of_signals(place):
+    """Four signals in nine phases and the coupler's as well; whatever becomes of it, the bits in the end are the same."""
+    reference = place.folder / "undisturbed"
+    finished(place.springs(), reference)
+    table, noticed, ends = [], {}, {}
+    for victim in ("participant", "coupler"):
+        for phase in ("connect", "configure", "start", "advance", "exchange", "save", "load", "frame", "stop"):
+            row = []
+            for number in (signal.SIGKILL, signal.SIGTERM, signal.SIGSTOP, signal.SIGINT):
+                where = type(place)(place.folder / f"{victim}-{phase}-{number.name}")
+                what, first, took = struck(where, phase, number, victim)
+                expect_same(where.folder / "out", reference, frames=False)
+                row.append(f"{what} ({first:.1f} s)")
+                if "resumed" in what or "goes on" in what:
+                    noticed.setdefault((victim, number.name), []).append(first)
+                    ends.setdefault((victim, number.name), []).append(took)
+            table.append(f"| {victim} | {phase} | " + " | ".join(row) + " |")
+    text = "\n| who | phase | SIGKILL | SIGTERM | SIGSTOP | SIGINT |\n|---|---|---|---|---|---|\n" + "\n".join(table) + "\n"
+    for (victim, name), values in noticed.items():
+        text += (f"{victim} {name}: noticed after {sorted(values)[len(values) // 2]:.2f} s (median), {max(values):.2f} s (most); "
+                 f"ended after {max(ends[victim, name]):.1f} s at most\n")
+    return text

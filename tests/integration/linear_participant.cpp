@@ -53,8 +53,9 @@ public:
     seconds_ = table.number_or("seconds", 0.0, Range::not_negative());
     dwell_ = table.text_or("dwell", "");
     dwell_mark_ = table.text_or("dwell_mark", "");
-    constexpr std::array<std::string_view, 6> kinds = {"none",      "nan",          "crash",
-                                                       "exception", "wrong-length", "hang"};
+    constexpr std::array<std::string_view, 11> kinds = {
+        "none",     "nan",  "crash", "exception", "wrong-length",   "hang",
+        "infinite", "huge", "zero",  "nothing",   "another-surface"};
     misbehaviour_ = table.choice("misbehaviour", kinds);
     at_window_ = static_cast<std::uint64_t>(table.integer_or("at_window", 1, 1, 1'000'000));
     at_iteration_ = static_cast<std::uint64_t>(table.integer_or("at_iteration", 1, 1, 1'000'000));
@@ -120,6 +121,12 @@ public:
       }
       if (now && misbehaviour_ == "nan") pressures.set_pressure(1, std::numeric_limits<double>::quiet_NaN());
       if (now && misbehaviour_ == "wrong-length") pressures.add_pressure(0.0);
+      if (now) misbehave(*pressures.mutable_pressure());
+      if (now && misbehaviour_ == "another-surface") {  // a mesh that was made anew, with a node more
+        pressures.set_surface(surface_identity + 1);
+        pressures.add_pressure(pressure_);
+      }
+      if (now && misbehaviour_ == "nothing") result.outputs.Clear();
     } else {
       check_forces(inputs.forces(), surface_);
       std::vector<double> displacement(static_cast<std::size_t>(inputs.forces().force_size()), 0.0);
@@ -133,7 +140,15 @@ public:
         throw NotConverged("no equilibrium under this load", "a smaller load");
       if (now && misbehaviour_ == "nan") displacement[3] = std::numeric_limits<double>::quiet_NaN();
       if (now && misbehaviour_ == "wrong-length") displacement.push_back(0.0);
-      *result.outputs.mutable_displacements() = motion(displacement);
+      auto& displacements = *result.outputs.mutable_displacements();
+      displacements = motion(displacement);
+      if (now) misbehave(*displacements.mutable_displacement());
+      if (now && misbehaviour_ == "another-surface") {
+        displacement.resize(displacement.size() + 2);
+        displacements = motion(displacement);
+        displacements.set_surface(surface_identity + 1);
+      }
+      if (now && misbehaviour_ == "nothing") result.outputs.Clear();
       result.watches.push_back({"tip", {{"displacement", std::abs(displacement[1])}}});
     }
     return result;
@@ -166,6 +181,14 @@ private:
     if (dwell_ != phase || std::filesystem::exists(dwell_mark_)) return;
     std::ofstream(dwell_mark_) << phase;
     std::this_thread::sleep_for(std::chrono::seconds(20));
+  }
+  template <typename Values>
+  void misbehave(Values& values) const {
+    if (misbehaviour_ == "infinite") values.Set(1, std::numeric_limits<double>::infinity());
+    for (double& value : values) {
+      if (misbehaviour_ == "huge") value = 1e300;
+      if (misbehaviour_ == "zero") value = 0;
+    }
   }
   static v1::Displacements motion(const std::vector<double>& displacement) {
     v1::Displacements message;

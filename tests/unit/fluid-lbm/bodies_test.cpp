@@ -215,6 +215,17 @@ TEST(Images, BmpOfTwoByTwo) {
   std::ofstream(file, std::ios::binary) << "GIF89a";
   EXPECT_THROW(static_cast<void>(read_grey_image(file)), std::runtime_error);
   EXPECT_THROW(static_cast<void>(read_grey_image(file.parent_path() / "missing.png")), std::runtime_error);
+  // 67 bytes that claim to hold 30000 x 30000 pixels of three bytes: refused before memory is asked for.
+  constexpr char claim[] =
+      "\x89PNG\r\n\x1a\n\0\0\0\rIHDR\0\0\x75\x30\0\0\x75\x30\x08\x02\0\0\0\xe9\x45\x6f\xed\0\0\0\nIDAT"
+      "\x78\x9c\x63\x60\0\0\0\x02\0\x01\x48\xaf\xa4\x71\0\0\0\0IEND\xae\x42\x60\x82";
+  std::ofstream(file, std::ios::binary) << std::string(claim, sizeof claim - 1);
+  try {
+    static_cast<void>(read_grey_image(file));
+    ADD_FAILURE() << "it was read";
+  } catch (const std::runtime_error& error) {
+    EXPECT_THAT(error.what(), testing::HasSubstr("ends before its last row"));
+  }
   std::filesystem::remove_all(file.parent_path());
 }
 
