@@ -131,18 +131,28 @@ public:
       last_ = kind == ZMQ_EVENT_HANDSHAKE_FAILED_AUTH       ? "its key is not on the list"
               : kind == ZMQ_EVENT_HANDSHAKE_FAILED_PROTOCOL ? "it speaks without a key, or not as it should"
                                                             : "it was made for another key, or broke off";
+      last_for_client_ =
+          kind == ZMQ_EVENT_HANDSHAKE_FAILED_AUTH
+              ? "the public key of this run's own pair (hosts.coupler.key) is not among those the "
+                "participant was given with --allow"
+          : kind == ZMQ_EVENT_HANDSHAKE_FAILED_PROTOCOL
+              ? "the participant serves without a key (it was started with --insecure, or is no "
+                "participant)"
+              : "the participant holds another key than public_key says, or something else serves there";
     }
   }
   [[nodiscard]] std::uint64_t refused() const { return refused_; }
   [[nodiscard]] std::uint64_t in_a_row() const { return in_a_row_; }
   [[nodiscard]] const std::string& last() const { return last_; }
+  [[nodiscard]] const std::string& last_for_client() const { return last_for_client_; }
 
 private:
   zmq::socket_t events_;
   std::uint64_t refused_ = 0;
   std::uint64_t in_a_row_ = 0;
   bool was_let_in_ = false;
-  std::string last_;
+  std::string last_;  // in the words of who was asked
+  std::string last_for_client_;
 };
 
 bool is_local(const std::string& endpoint) {
@@ -284,7 +294,8 @@ std::optional<v1::Reply> ClientChannel::receive(std::chrono::milliseconds timeou
   socket_->door.look();
   constexpr std::uint64_t no_accident = 3;
   if (socket_->door.in_a_row() >= no_accident)
-    throw ChannelError(fmt::format("'{}' does not let this run in: {}", endpoint_, socket_->door.last()));
+    throw ChannelError(fmt::format("'{}' and this run do not know each other's keys: {}", endpoint_,
+                                   socket_->door.last_for_client()));
   zmq::pollitem_t item{socket_->socket.handle(), 0, ZMQ_POLLIN, 0};
   try {
     zmq::poll(&item, 1, timeout);

@@ -110,6 +110,28 @@ TEST(CouplingScene, ReadsTheMapping) {
   EXPECT_THAT(only_problem(mapping("support_radius = 0.2\n")), HasSubstr("wendland"));
 }
 
+// Who is on another machine may be silent for longer; where it listens may not be where it is reached.
+TEST(CouplingScene, ReadsHosts) {
+  const std::string text =
+      "[coupling]\n[fluid]\n[solid]\nconnect = \"tcp://10.0.0.1:5\"\n[grains]\nconnect = "
+      "\"tcp://127.0.0.1:5\"\n"
+      "[hosts.coupler]\nkey = \"k\"\n[hosts.solid]\npublic_key = \"p\"\n[hosts.fluid]\nlaunch = "
+      "\"ssh\"\nhost = \"n\"\n"
+      "folder = \"/f\"\naddress = \"tcp://127.0.0.1:7\"\n";
+  const auto far = read(text + "bind = \"tcp://*:5\"\npublic_key = \"p\"\nlost_after = 30.0\n");
+  EXPECT_DOUBLE_EQ(far.scene.find("solid")->lost_after, 5.0);
+  EXPECT_DOUBLE_EQ(far.scene.find("grains")->lost_after, 1.5);
+  EXPECT_DOUBLE_EQ(far.scene.find("fluid")->lost_after, 30.0);
+  EXPECT_EQ(far.scene.find("fluid")->bind, "tcp://*:5");
+  EXPECT_EQ(far.scene.find("fluid")->endpoint, "tcp://127.0.0.1:7");
+  // An open address wants keys even when it is reached through a tunnel.
+  const auto open = read(text + "bind = \"tcp://*:5\"\n").problems;
+  EXPECT_TRUE(std::any_of(open.begin(), open.end(), [](const SceneProblem& problem) {
+    return problem.message.find("'fluid' serves at tcp://*:5, which other machines reach") !=
+           std::string::npos;
+  }));
+}
+
 TEST(CouplingScene, AWatchOfTheCouplingNeedsAWetSurface) {
   const std::string watch = "[[watch]]\nname = \"all\"\nparticipant = \"coupling\"\n";
   EXPECT_TRUE(read("[coupling]\n[fluid]\n[solid]\n" + watch).problems.empty());
