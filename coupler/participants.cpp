@@ -161,6 +161,7 @@ void Participants::renew(RemoteParticipant& participant) {
   participant.awaited_ = 0;
   participant.arrived_.reset();
   participant.last_heard_.reset();
+  participant.reports_since_.reset();
   participant.progress_ = {};
   if (!participant.child_) return;
   participant.usage_.bytes = participant.bytes();
@@ -236,7 +237,8 @@ std::vector<std::string> sent_to_host(const ParticipantScene& participant, std::
     return ssh;
   }
   // Participants wait for one another most of the time: they may share the processors of the allocation.
-  std::vector<std::string> srun = {"srun", "--ntasks=1", "--overlap", "--job-name=estuary-" + participant.role};
+  std::vector<std::string> srun = {"srun", "--ntasks=1", "--overlap",
+                                   "--job-name=estuary-" + participant.role};
   if (!participant.host.empty()) srun.push_back("--nodelist=" + participant.host);
   if (participant.threads > 0) srun.push_back(fmt::format("--cpus-per-task={}", participant.threads));
   srun.insert(srun.end(), words.begin(), words.end());
@@ -355,8 +357,10 @@ void Participants::check_alive(RemoteParticipant& participant, const RemoteParti
       throw lost(last.empty() ? *how : fmt::format("{}; the last it said: {}", *how, last));
     }
   }
-  if (!participant.last_heard_) return;
-  const auto silence = steady_clock::now() - *participant.last_heard_;
+  // Who was only greeted says nothing by itself, however long another is configured.
+  if (!participant.last_heard_ || !participant.reports_since_) return;
+  const auto heard = std::max(*participant.last_heard_, *participant.reports_since_);
+  const auto silence = steady_clock::now() - heard;
   // A process of ours that is there and not stopped may merely have got no processor on a busy machine.
   const bool may_be_starved =
       participant.child_ && participant.scene_.here() && !participant.child_->stopped();
@@ -366,7 +370,7 @@ void Participants::check_alive(RemoteParticipant& participant, const RemoteParti
       : is_here      ? lost_after
                      : std::chrono::duration<double>(participant.scene_.lost_after);
   if (silence > patience) {
-    throw lost(fmt::format("nothing heard from it for {:.1f} s", seconds_since(*participant.last_heard_)));
+    throw lost(fmt::format("nothing heard from it for {:.1f} s", seconds_since(heard)));
   }
 }
 
@@ -454,6 +458,7 @@ std::vector<v1::Reply> Participants::ask_all(std::vector<Question> questions, co
       participant->awaited_ = participant->sequence_;
       participant->arrived_.reset();
       asked[k] = asked_again[k] = participant->last_progress_ = steady_clock::now();
+      if (!request.has_hello() && !participant->reports_since_) participant->reports_since_ = asked[k];
       participant->channel_.send(request);
     }
     while (true) {

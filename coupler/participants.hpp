@@ -79,6 +79,8 @@ private:
   std::optional<v1::Reply> arrived_;  // its reply
   std::chrono::steady_clock::time_point arrived_at_{};
   std::optional<std::chrono::steady_clock::time_point> last_heard_;
+  // Since when it has to report progress: its first request after Hello.
+  std::optional<std::chrono::steady_clock::time_point> reports_since_;
   std::chrono::steady_clock::time_point launched_at_{};      // for the first time since the start or a loss
   std::chrono::steady_clock::time_point last_attempt_at_{};  // to launch it
   std::chrono::steady_clock::time_point last_progress_{};    // when its counter last grew

@@ -256,16 +256,29 @@ void ClientChannel::send(const v1::Request& request) {
   zmq::message_t frame = serialise(request);
   const std::size_t size = frame.size();
   if (!socket_->socket.send(frame, zmq::send_flags::none)) {
-    throw ChannelError(fmt::format("'{}' takes no messages", endpoint_));
+    throw ChannelError(why_unsent());
   }
   bytes_sent_ += size;
   ++messages_;
 }
 
+std::string ClientChannel::refused_keys() const {
+  return fmt::format("'{}' and this run do not know each other's keys: {}", endpoint_,
+                     socket_->door.last_for_client());
+}
+
+// A connection that is turned away takes no messages.
+std::string ClientChannel::why_unsent() {
+  socket_->door.look();
+  if (socket_->door.in_a_row() > 0) return refused_keys();
+  return fmt::format(
+      "'{}' takes no messages{}", endpoint_,
+      socket_->door.watches() || endpoint_.starts_with("ipc://") ? "" : "; does it want a key?");
+}
+
 void ClientChannel::send_bytes(std::string_view bytes) {
   zmq::message_t frame(bytes.data(), bytes.size());
-  if (!socket_->socket.send(frame, zmq::send_flags::none))
-    throw ChannelError(fmt::format("'{}' takes no messages", endpoint_));
+  if (!socket_->socket.send(frame, zmq::send_flags::none)) throw ChannelError(why_unsent());
 }
 
 // A line that is closed says nothing about why: the channel, the process and its progress do. A reply that
@@ -293,9 +306,7 @@ std::optional<v1::Reply> ClientChannel::receive(std::chrono::milliseconds timeou
   }
   socket_->door.look();
   constexpr std::uint64_t no_accident = 3;
-  if (socket_->door.in_a_row() >= no_accident)
-    throw ChannelError(fmt::format("'{}' and this run do not know each other's keys: {}", endpoint_,
-                                   socket_->door.last_for_client()));
+  if (socket_->door.in_a_row() >= no_accident) throw ChannelError(refused_keys());
   zmq::pollitem_t item{socket_->socket.handle(), 0, ZMQ_POLLIN, 0};
   try {
     zmq::poll(&item, 1, timeout);

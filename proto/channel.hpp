@@ -79,6 +79,8 @@ public:
 
 private:
   [[nodiscard]] std::optional<v1::Reply> receive_over_line();
+  [[nodiscard]] std::string refused_keys() const;
+  [[nodiscard]] std::string why_unsent();
 
   struct Socket;
   std::unique_ptr<Socket> socket_;

@@ -16,6 +16,9 @@ using namespace detail;  // NOLINT: this file is the outside of what lies in the
 namespace {
 
 constexpr std::size_t largest_text = std::size_t{64} << 20;
+// All but tabulator and ends of lines.
+constexpr std::string_view control_characters(
+    "\0\1\2\3\4\5\6\7\10\13\14\16\17\20\21\22\23\24\25\26\27\30\31\32\33\34\35\36\37\177", 30);
 
 std::shared_ptr<SceneNode> child(SceneNode& node, const std::string& key, const toml::table* table) {
   auto& entry = node.children[key];
@@ -279,6 +282,17 @@ Scene Scene::parse(std::string_view text, std::string_view name, std::span<const
          {.message = fmt::format("the scene has {} bytes; at most {} are read", text.size(), largest_text)});
     return scene;
   }
+  // TOML has none of them, and the library that reads it takes some for granted: a code 0 in the name of a
+  // table ends a program that was built with its assertions.
+  if (const auto at = text.find_first_of(control_characters); at != std::string_view::npos) {
+    const std::string_view before = text.substr(0, at);
+    const auto line_begin = before.rfind('\n') + 1;  // 0 when there is none
+    note(document, {.line = static_cast<std::uint32_t>(1 + std::count(before.begin(), before.end(), '\n')),
+                    .column = static_cast<std::uint32_t>(1 + at - line_begin),
+                    .message = fmt::format("not valid TOML: a control character (code {})",
+                                           static_cast<unsigned char>(text[at]))});
+    return scene;
+  }
   try {
     document.root = toml::parse(text, std::string_view(document.name));
     document.source = document.root.source().path;
@@ -289,6 +303,11 @@ Scene Scene::parse(std::string_view text, std::string_view name, std::span<const
     return scene;
   }
   for (const auto& text_of_override : overrides) {
+    if (text_of_override.find_first_of(control_characters) != std::string::npos) {
+      note(document,
+           {.message = fmt::format("override '{}': has a control character", shortened(text_of_override))});
+      continue;
+    }
     try {
       apply_override(document.root, text_of_override);
       document.overrides.push_back(text_of_override);

@@ -91,6 +91,19 @@ TEST(SceneValues, OfAnArrayOfTablesComeInOrder) {
   EXPECT_EQ(watches[1].path(), "watch.1");
 }
 
+// The first of them ended the program, inside the library that reads TOML.
+TEST(SceneProblems, OfControlCharactersSayWhere) {
+  using namespace std::string_literals;
+  for (const std::string& text : {"x = 1\n[\0d]\n"s, "x = 1\n[\1d]\n"s, "x = 1\n \x7f\n"s})
+    EXPECT_THAT(described(Scene::parse(text, "s")),
+                ElementsAre(HasSubstr("s:2:2: not valid TOML: a control character")))
+        << text;
+  EXPECT_THAT(Scene::parse("x = 1\n\ty = 2\r\n", "s").problems(), IsEmpty());
+  const std::array overrides{"x=\"\0\""s};
+  EXPECT_THAT(described(Scene::parse("x = 1\n", "s", overrides)),
+              ElementsAre(HasSubstr("control character")));
+}
+
 TEST(SceneProblems, OfTypesSayWhatWasFoundAndExpectedAndWhere) {
   auto scene = Scene::parse(R"(title = 3
 number = "abc"
