@@ -88,7 +88,7 @@ def case_keys_let_in_and_keep_out(place):
         # Without keys in the scene nothing is launched.
         finished(scene_at(place, endpoint, ""), out, status=2, line="which other machines reach")
         # Without a key, with another than those on the list, with another than the server's, with noise.
-        finished(scene_at(place, endpoint, "", "insecure = true"), out, status=4, line="does it want a key?")
+        finished(scene_at(place, endpoint, "", "insecure = true"), out, status=4, line="INSECURE")
         began = time.monotonic()
         finished(scene_at(place, endpoint, hosts(stranger, server)), out, status=4, line="is not among those")
         refused_after = time.monotonic() - began
