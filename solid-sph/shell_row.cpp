@@ -51,7 +51,7 @@ Body fill_row(std::span<const Vector> points, bool closed, double spacing, const
   outline.closed = closed;
   for (std::size_t i = 0; i < n; ++i) outline.particle.push_back(static_cast<std::uint32_t>(i));
   for (std::size_t i = 0; i < (closed ? n : n - 1); ++i) {
-    const std::size_t j = (i + 1) % n;
+    const std::size_t j = i + 1 < n ? i + 1 : 0;
     const double length = std::hypot(body.position[2 * j] - body.position[2 * i],
                                      body.position[2 * j + 1] - body.position[2 * i + 1]);
     for (const std::size_t end : {i, j}) body.volume[end] += 0.5 * length * section.thickness;
