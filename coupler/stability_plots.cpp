@@ -23,7 +23,10 @@ std::string ticks(char axis, const StudyAxis& shown) {
   std::string text = fmt::format("set {}tics (", axis);
   for (std::size_t k = 0; k < shown.labels.size(); ++k)
     text += fmt::format("{}{} {}", k == 0 ? "" : ", ", Gnuplot::quoted(shown.labels[k]), k);
-  return text + fmt::format("){}\n", axis == 'x' && shown.labels.size() > 8 ? " rotate by -40" : "");
+  const auto is_long = [](const std::string& label) { return label.size() > 14; };
+  const bool crowded =
+      shown.labels.size() > 8 || std::any_of(shown.labels.begin(), shown.labels.end(), is_long);
+  return text + fmt::format("){}\n", axis == 'x' && crowded ? " rotate by -25" : "");
 }
 
 std::string frame(const StudyScene& study) {
