@@ -249,6 +249,7 @@ std::vector<ContourLine> free_contours(const Body& body) {
   };
   for (const Outline& outline : body.outlines) {
     const std::size_t n = outline.particle.size();
+    if (n == 0) continue;
     const auto dry = [&](std::size_t k) {
       return body.fixed[outline.particle[k % n]] == 3 && body.fixed[outline.particle[(k + 1) % n]] == 3;
     };

@@ -16,7 +16,6 @@
 namespace estuary::solid {
 namespace {
 
-using testing::AnyOf;
 using testing::HasSubstr;
 
 const char* const kFin = R"(
