@@ -1,4 +1,4 @@
-#!/usr/bin/env python3
+#!/usr/bin/python3
 """Runs what the READMEs say was measured, keeps its figures in configs/studies/evidence and makes the READMEs' tables anew.
 
     tests/evidence.py [--gallery] [--retime] [--all | STUDY...]
