@@ -142,7 +142,8 @@ bool Checkpoints::write(Participants& participants, const Position& position, Co
     return false;
   }
   const auto begin = steady_clock::now();
-  CheckpointSet set{.slot = next_slot(), .window = state.window, .files = {}, .state = std::move(state)};
+  CheckpointSet set{.slot = next_slot(), .window = state.window, .files = {}, .state = {}};
+  set.state = std::move(state);
   const auto failed = [&](const std::string& why) {
     last_ = steady_clock::now();
     seconds_ += seconds_since(begin);

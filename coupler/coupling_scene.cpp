@@ -14,8 +14,6 @@ namespace estuary::coupler {
 namespace {
 
 constexpr std::array<std::string_view, 3> roles = {"fluid", "solid", "grains"};
-constexpr std::array<std::string_view, 9> statistics = {
-    "last", "min", "max", "mean", "mid_range", "half_range", "amplitude", "phase", "frequency"};
 
 std::string default_program(std::string_view role) {
   if (role == "fluid") return "fluid-lbm";
