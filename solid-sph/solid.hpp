@@ -1,5 +1,5 @@
-// The SPH solid as a participant: bodies in two dimensions, transient or steady. solid.cpp runs windows,
-// solid_watch.cpp says what is watched, solid_files.cpp writes.
+// The SPH solid as a participant: bodies in two dimensions, transient or steady. solid_motion.cpp runs its
+// windows, solid_surface.cpp is the wet surface, solid_watch.cpp says what is watched, solid_files.cpp writes.
 #pragma once
 
 #include <filesystem>

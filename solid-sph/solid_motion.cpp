@@ -1,0 +1,159 @@
+// Through a window: in motion, or to the equilibrium under its loads.
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cmath>
+
+#include "rigid_motion.hpp"
+#include "solid.hpp"
+
+namespace estuary::solid {
+namespace {
+
+// At least so many steps in a stretch of time with rigid bodies.
+constexpr double kRigidSteps = 16;
+
+}  // namespace
+
+std::uint64_t Solid::steps_for(double duration) {
+  if (scene_.impact()) {
+    solver_->evaluate(state_.displacement);
+    const double step = std::min(solver_->longest_step(state_, scene_.courant), rigid_step(body_, state_));
+    const double steps = std::ceil(duration / step);
+    if (!(steps < 1e15))
+      throw Diverged("displacement", "the stable time step vanished",
+                     "look at the last frames: something has become infinitely fast or stiff");
+    return std::max<std::uint64_t>(1, static_cast<std::uint64_t>(steps));
+  }
+  const double stable = solver_->reference_stable_step();
+  solver_->evaluate(state_.displacement);
+  const double stiffening = std::sqrt(std::max(1.0, solver_->stiffening()));
+  // The wave through a spacing, and never beyond what the discrete operator itself allows.
+  double elastic = std::min(scene_.courant_step(body_.spacing), 0.9 * stable) / stiffening;
+  // Contact adds its stiffness to the contours.
+  if (contact_)
+    elastic = std::min(elastic, 1.8 / std::sqrt(4 * stiffening * stiffening / (stable * stable) +
+                                                contact_->squared_frequency()));
+  // Springs of rigid bodies are integrated exactly; that their loads vary on the way needs some steps.
+  const double step =
+      body_.rigid.empty() ? elastic : std::min({elastic, rigid_step(body_, state_), duration / kRigidSteps});
+  const double steps = std::ceil(duration / step);
+  if (!(steps < 1e15))
+    throw Diverged("displacement", "the stable time step vanished: the material has become infinitely stiff",
+                   "use a smaller window or a softer load");
+  return std::max<std::uint64_t>(1, static_cast<std::uint64_t>(steps));
+}
+
+// In stretches short enough that the stable step is looked at again as the state stiffens.
+void Solid::integrate(const Window& window, const Monitor& monitor) {
+  // Fluids stiffen within a few steps where they are hit.
+  const double stretch_steps = scene_.impact() ? 25 : 200;
+  state_ = accepted_;
+  state_.time = window.time;
+  const Loading whole = loading_;
+  double done = 0;
+  while (done < window.duration * (1 - 1e-12)) {
+    solver_->set_history(state_.history);
+    const std::uint64_t all = steps_for(window.duration - done);
+    const double stretches = std::max(1.0, std::round(static_cast<double>(all) / stretch_steps));
+    const double duration = (window.duration - done) / stretches;
+    const std::uint64_t steps =
+        (all + static_cast<std::uint64_t>(stretches) - 1) / static_cast<std::uint64_t>(stretches);
+    const double part = duration / window.duration;
+    for (std::size_t l = 0; l < loading_.loads.size(); ++l) {
+      for (std::size_t c = 0; c < loading_.loads[l].start.size(); ++c) {
+        loading_.loads[l].start[c] = whole.loads[l].at(c, done / window.duration);
+        loading_.loads[l].end[c] = whole.loads[l].at(c, (done + duration) / window.duration);
+      }
+      for (std::size_t c = 0; c < loading_.loads[l].bend.size(); ++c)
+        loading_.loads[l].bend[c] = part * part * whole.loads[l].bend[c];
+    }
+    work_.steps += steps;
+    work_.updates += static_cast<double>(steps) * static_cast<double>(body_.particles());
+    solver_->advance(state_, loading_, duration, steps, scene_.damping,
+                     [&](double fraction, const std::string& note) {
+                       monitor((done + fraction * duration) / window.duration, note);
+                     });
+    done = stretches > 1 ? done + duration : window.duration;
+    state_.time = window.time + done;
+  }
+  for (std::size_t l = 0; l < loading_.loads.size(); ++l) {
+    loading_.loads[l].start = whole.loads[l].start;
+    loading_.loads[l].end = whole.loads[l].end;
+    loading_.loads[l].bend = whole.loads[l].bend;
+  }
+}
+
+double Solid::find_equilibrium(const Window& window, const Monitor& monitor) {
+  const double time = window.time + window.duration;
+  // A law with history starts each search from the last accepted state: it must not remember a trial.
+  solver_->set_history(accepted_.history);
+  std::vector<double> displacement = state_.history.empty() ? state_.displacement : accepted_.displacement;
+  if (scene_.all_rigid()) return settle_rigid_bodies(time);
+  EquilibriumReport report;
+  // Pressures follow the surface: found again on each equilibrium until it stays.
+  const int rounds = loading_.pressures.empty() || !newton_ ? 1 : 40;
+  for (int round = 0; round < rounds; ++round) {
+    const std::vector<double> before = displacement;
+    const EquilibriumReport one = newton_
+                                      ? newton_->solve(displacement, loading_, time, scene_.steady, monitor)
+                                      : solver_->relax(displacement, loading_, time, scene_.steady, monitor);
+    report.converged = one.converged;
+    report.steps += one.steps;
+    report.residual = one.residual;
+    report.remaining_change = one.remaining_change;
+    report.reached = one.reached;
+    if (!one.converged || rounds == 1) break;
+    double change = 0, size = 0;
+    for (std::size_t c = 0; c < before.size(); ++c) {
+      change += std::pow(displacement[c] - before[c], 2);
+      size += displacement[c] * displacement[c];
+    }
+    report.remaining_change = size > 0 ? std::sqrt(change / size) : 0;
+    report.converged = report.remaining_change <= scene_.steady.tolerance;
+    if (report.converged) break;
+  }
+  work_.steps += report.steps;
+  work_.updates += static_cast<double>(report.steps) * static_cast<double>(body_.particles());
+  if (!report.converged) {
+    const std::string so_far =
+        newton_ ? fmt::format("found up to {:.3g} % of the load", 100 * report.reached)
+                : fmt::format(
+                      "residual {:.2e} of the load, estimated remaining change {:.2e} of the "
+                      "displacement, wanted {:.1e}",
+                      report.residual, report.remaining_change, scene_.steady.tolerance);
+    throw NotConverged(fmt::format("no equilibrium after {} {}: {}", report.steps,
+                                   newton_ ? "linear solves" : "steps", so_far),
+                       newton_ ? "the load may be beyond what the body can carry; try [solid.steady] method "
+                                 "= \"relaxation\", more "
+                                 "particles_across, or a larger maximum_steps"
+                               : "raise [solid.steady] maximum_steps, or use method = \"newton\"");
+  }
+  state_.displacement = std::move(displacement);
+  if (!body_.rigid.empty()) settle_rigid_bodies(time);
+  state_.time = time;
+  solver_->commit(state_.displacement);
+  state_.history = solver_->history();
+  return std::max(report.residual, report.remaining_change);
+}
+
+double Solid::settle_rigid_bodies(double time) {
+  std::vector<double> force;
+  double change = 0;
+  // Pressures follow the surface.
+  for (int round = 0; round < 100; ++round) {
+    solver_->external_force(loading_, time, state_.displacement, force);
+    change = settle_rigid(body_, loading_, time, force, state_);
+    if (change <= 1e-3 * scene_.steady.tolerance) break;
+  }
+  state_.time = time;
+  ++work_.steps;
+  if (!(change <= scene_.steady.tolerance))
+    throw NotConverged(fmt::format("a rigid body finds no equilibrium: its position still changes by {:.2e} "
+                                   "of its displacement or of a spacing",
+                                   change),
+                       "its springs may be too weak for loads that turn with it");
+  return change;
+}
+
+}  // namespace estuary::solid
