@@ -4,10 +4,10 @@
 #include <algorithm>
 #include <cmath>
 
+#include "body_filling.hpp"
 #include "expression.hpp"
 #include "impact.hpp"
 #include "outline_filling.hpp"
-#include "scene_body.hpp"
 #include "solid_scene.hpp"
 
 namespace estuary::solid {

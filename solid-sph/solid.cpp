@@ -5,7 +5,8 @@
 #include <chrono>
 #include <cmath>
 
-#include "scene_body.hpp"
+#include "body_conditions.hpp"
+#include "body_filling.hpp"
 #include "updated_lagrangian.hpp"
 
 namespace estuary::solid {

@@ -2,6 +2,7 @@
 #pragma once
 
 #include <array>
+#include <memory>
 #include <optional>
 #include <string>
 #include <vector>
@@ -185,8 +186,16 @@ struct SolidScene {
 /// Notes every problem in `scene`; the result counts only when there are none.
 SolidScene read_solid_scene(Scene& scene, const std::string& role);
 
-// Parts of it: body_scene.cpp, condition_scene.cpp.
+// Parts of it: body_scene.cpp, shape_scene.cpp, rigid_scene.cpp, shell_scene.cpp, impact_scene.cpp,
+// condition_scene.cpp.
 void read_bodies(SceneTable& solid, SolidScene& result);
+/// Keys of which a body has exactly one.
+inline constexpr std::array<std::string_view, 6> kShapeKeys{"box",   "disc",   "polygon",
+                                                            "image", "points", "polyline"};
+/// All but pictures, see add_bodies. `spacing` [m], 0 where it is not known yet.
+void read_shape(SceneTable& table, double spacing, BodyScene& body);
+/// Adds a read body to the scene, or as copies of it those that its picture shows.
+void add_bodies(SceneTable& table, SolidScene& scene, const BodyScene& body);
 enum class Kind { deformable, rigid, shell, fluid };
 Kind read_kind(SceneTable& table);
 void read_shell(SceneTable& table, BodyScene& body);
@@ -211,5 +220,9 @@ Plan plan_of(const SolidScene& scene);
 void plan_shells(const SolidScene& scene, Plan& plan);
 /// The part of bodies that meet by impulses.
 void plan_impact(const SolidScene& scene, Plan& plan);
+
+/// Of scenes whose bodies meet by impulses.
+std::unique_ptr<Solver> make_impact_solver(const SolidScene& scene, const Body& body,
+                                           const SolverOptions& options);
 
 }  // namespace estuary::solid

@@ -2,7 +2,7 @@
 #include <algorithm>
 #include <cstring>
 
-#include "scene_body.hpp"
+#include "body_conditions.hpp"
 #include "solid.hpp"
 #include "wet_surface.hpp"
 

@@ -102,10 +102,10 @@ void fill_triangles(Body& body, std::size_t member) {
     wanted -= signed_area(loop);  // walked clockwise, holes the other way
     loops.push_back(std::move(loop));
   }
-  struct Point {
+  struct StressPoint {
     double x, y, volume;
   };
-  std::vector<Point> points;
+  std::vector<StressPoint> points;
   double reached = 0;
   for (const auto& [i, j, k] : triangles(body, member)) {
     const double* a = &body.position[2 * std::size_t{i}];
@@ -121,7 +121,7 @@ void fill_triangles(Body& body, std::size_t member) {
     throw std::invalid_argument("stress points: triangles between the particles cover " +
                                 std::to_string(100 * reached / wanted) +
                                 " % of the body; its outline is too fine for the spacing");
-  for (const Point& point : points) add(body, member, point.x, point.y, point.volume);
+  for (const StressPoint& point : points) add(body, member, point.x, point.y, point.volume);
 }
 
 }  // namespace

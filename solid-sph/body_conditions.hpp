@@ -1,4 +1,4 @@
-// From a scene to particles: the bodies, what is held, what is loaded.
+// What a scene holds, moves and loads, on the particles of its bodies.
 #pragma once
 
 #include <memory>
@@ -7,13 +7,11 @@
 #include <vector>
 
 #include "expression.hpp"
-#include "shell.hpp"
+#include "loading.hpp"
 #include "solid_scene.hpp"
 
 namespace estuary::solid {
 
-/// Of a body that is a shell.
-ShellSection shell_section(const SolidScene& scene, const BodyScene& body);
 /// A [[solid.hold]] or [[solid.load]] that meets no particle, and what to try.
 struct UnmetCondition {
   const char* table;   // "hold" or "load"
@@ -26,13 +24,8 @@ struct UnmetConditions : std::invalid_argument {
   std::vector<UnmetCondition> conditions;
 };
 
-/// All bodies of the scene, one after another, with what is held marked. Throws std::invalid_argument naming
-/// the body that cannot be filled (an outline finer than the spacing).
-Body build_body(const SolidScene& scene);
-
-/// Of scenes whose bodies meet by impulses.
-std::unique_ptr<Solver> make_impact_solver(const SolidScene& scene, const Body& body,
-                                           const SolverOptions& options);
+/// Marks the components of particles that a [[solid.hold]] holds.
+void mark_held(const SolidScene& scene, Body& body);
 
 /// Initial velocities of the scene's bodies.
 void set_velocities(const SolidScene& scene, const Body& body, State& state);
