@@ -156,8 +156,12 @@ std::string ConformInputs::fault_of(const v1::Exchange& outputs) const {
       check_displacements(outputs.displacements(), surface());
     }
     if (role_ == "fluid" && has("solid")) {
-      if (!outputs.has_pressures()) return "no pressures";
-      check_pressures(outputs.pressures(), surface());
+      if (outputs.has_forces()) {
+        check_forces(outputs.forces(), surface());
+      } else {
+        if (!outputs.has_pressures()) return "neither pressures nor forces";
+        check_pressures(outputs.pressures(), surface());
+      }
     }
     if (role_ == "grains" && has("solid")) {
       if (!outputs.has_forces()) return "no forces on the wet surface";

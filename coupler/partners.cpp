@@ -322,7 +322,15 @@ std::vector<double> Partners::nodal_forces(const WetMotion& motion, IterationRow
   };
   if (fluid_.there()) {
     const v1::Exchange& outputs = fluid_.last.outputs();
-    if (fluid_.link) {
+    // A fluid of particles gives the forces of its impacts.
+    if (outputs.has_forces()) {
+      const v1::WetSurface& own = fluid_.link ? fluid_.link->surface() : surface_;
+      const auto& forces = checked_forces(*fluid_.participant, outputs, own, position_);
+      if (fluid_.link)
+        add(fluid_.link->forces(forces, motion, unmapped));
+      else
+        add_own(forces);
+    } else if (fluid_.link) {
       const auto& loads = checked_pressures(*fluid_.participant, outputs, fluid_.link->surface(), position_);
       add(fluid_.link->forces(loads, motion, unmapped));
     } else {

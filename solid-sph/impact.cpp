@@ -5,6 +5,7 @@
 #include <cmath>
 #include <limits>
 #include <stdexcept>
+#include <utility>
 
 #include "rigid_motion.hpp"
 
@@ -141,6 +142,9 @@ ImpactSolver::ImpactSolver(const Body& body, ImpactOptions options)
   contact_force_ = impulse_;
   for (std::size_t i = 0; i < body.size(); ++i)
     fields_.deformation_gradient[4 * i] = fields_.deformation_gradient[4 * i + 3] = 1;
+  surface_first_ = options.surface_first;
+  if (surface_first_ != ImpactOptions::kNoSurface)
+    surface_impulse_.assign(2 * (body.size() - surface_first_), 0.0);
   position_.resize(2 * body.size());
   velocity_.resize(inverse_mass_.size());
   before_ = velocity_;
@@ -313,6 +317,11 @@ void ImpactSolver::drive(State& state, const Loading& loading, double time, doub
     rate = (one.displacement(time + time_step) - one.displacement(time)) / time_step;
     state.external_work += 0.5 * inertia * (rate * rate - before * before);
   }
+  if (!loading.surface) return;
+  const SurfaceMotion& surface = *loading.surface;
+  for (std::size_t c = 0; c < surface.start.size(); ++c)
+    state.velocity[2 * surface.first + c] =
+        (surface.at(c, time + time_step) - surface.at(c, time)) / time_step;
 }
 
 void ImpactSolver::kick_rigid(State& state, const Loading& loading, double duration) {
@@ -393,6 +402,7 @@ void ImpactSolver::touch(State& state, double time_step) {
       const double push = row.impulse * row.normal[k] + row.friction * row.tangent[k];
       twice += push * (before_[f] + velocity_[f]);
       // A body that follows its prescribed motion does work against what pushes it.
+      if (f >= 2 * surface_first_ && f < 2 * n) surface_impulse_[f - 2 * surface_first_] += push;
       if (inverse_mass_[f] == 0) state.external_work -= push * 0.5 * (before_[f] + velocity_[f]);
     }
     state.contact_work -= 0.5 * twice;
@@ -414,6 +424,9 @@ void ImpactSolver::drift(State& state, const Loading& loading, double time, doub
   const std::size_t n = body_.size();
   for (std::size_t c = 0; c < 2 * n; ++c)
     if (inverse_mass_[c] != 0) state.displacement[c] += time_step * state.velocity[c];
+  if (loading.surface)
+    for (std::size_t c = 0; c < loading.surface->start.size(); ++c)
+      state.displacement[2 * loading.surface->first + c] = loading.surface->at(c, time);
   for (std::size_t r = 0; r < body_.rigid.size(); ++r) {
     const std::span<double> values = std::span<double>(state.rigid).subspan(6 * r, 6);
     for (std::size_t c = 0; c < 3; ++c)
@@ -428,11 +441,17 @@ void ImpactSolver::drift(State& state, const Loading& loading, double time, doub
   }
 }
 
+void ImpactSolver::begin_window() {
+  std::fill(impulse_.begin(), impulse_.end(), 0.0);
+  std::fill(surface_impulse_.begin(), surface_impulse_.end(), 0.0);
+  window_begins_ = true;
+}
+
 void ImpactSolver::advance(State& state, const Loading& loading, double duration, std::uint64_t steps,
                            double damping, const Monitor& monitor) {
   const double dt = duration / static_cast<double>(steps), start = state.time;
   spread_history(state.history);
-  std::fill(impulse_.begin(), impulse_.end(), 0.0);
+  if (std::exchange(window_begins_, false)) window_begin_ = start;
   const auto gravity_work = [&] {
     return ordered_sum(body_.size(), [&](std::size_t i) {
       return body_.mass[i] * (loading.gravity[0] * state.displacement[2 * i] +
@@ -470,7 +489,11 @@ void ImpactSolver::advance(State& state, const Loading& loading, double duration
   for (std::size_t r = 0; r < body_.rigid.size(); ++r)
     carry(body_.rigid[r], body_, std::span<const double>(state.rigid).subspan(6 * r, 6), state.displacement,
           state.velocity);
-  for (std::size_t c = 0; c < impulse_.size(); ++c) contact_force_[c] = impulse_[c] / duration;
+  const double since = start + duration - window_begin_;
+  for (std::size_t c = 0; c < impulse_.size(); ++c) contact_force_[c] = impulse_[c] / since;
+  if (loading.surface)
+    std::copy(loading.surface->end_velocity.begin(), loading.surface->end_velocity.end(),
+              state.velocity.begin() + 2 * static_cast<std::ptrdiff_t>(surface_first_));
   state.history = history_ = gathered_history();
   state.time = start + duration;
   state.external_work += gravity_work();

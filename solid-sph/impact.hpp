@@ -18,12 +18,14 @@
 namespace estuary::solid {
 
 struct ImpactOptions {
+  static constexpr std::uint32_t kNoSurface = 0xffffffffU;
   FluidSettings fluid;
   std::vector<std::uint8_t> is_fluid;  // of each body
   std::vector<ShellSection> sections;  // of each body; without thickness: no shell. Empty: there is none
   PinballSettings contact;
   double friction = 0;
-  std::array<bool, 2> held{};  // components of the displacement that stay zero
+  std::array<bool, 2> held{};                // components of the displacement that stay zero
+  std::uint32_t surface_first = kNoSurface;  // particle where a driven surface begins, if any
   /// Makes the solver of the solid bodies: all particles that are neither fluid nor rigid.
   std::function<std::unique_ptr<Solver>(const Body&)> make_solid;
 };
@@ -46,6 +48,8 @@ public:
   double stress_across(std::size_t particle) const override;
   double stretch_across(std::size_t particle) const override;
   bool symmetric_tangent() const override { return true; }
+  void begin_window() override;
+  [[nodiscard]] std::span<const double> surface_impulse() const override { return surface_impulse_; }
   void advance(State& state, const Loading& loading, double duration, std::uint64_t steps, double damping,
                const Monitor& monitor) override;
   EquilibriumReport relax(std::vector<double>& displacement, const Loading& loading, double time,
@@ -91,8 +95,12 @@ private:
   std::vector<double> position_, velocity_, before_;  // before: at the kick's start
   std::vector<double> fluid_position_, fluid_velocity_, density_;
   std::vector<double> solid_displacement_, solid_velocity_;
-  std::vector<double> external_;       // loads on particles [N/m]
-  std::vector<double> impulse_;        // of contact on each body in this window, 2 each [N s/m]
+  std::vector<double> external_;     // loads on particles [N/m]
+  std::vector<double> impulse_;      // of contact on each body in this window, 2 each [N s/m]
+  std::uint32_t surface_first_ = 0;  // first particle of the driven surface
+  std::vector<double> surface_impulse_;
+  double window_begin_ = 0;
+  bool window_begins_ = false;
   std::vector<double> contact_force_;  // its mean over the window [N/m]
   double solid_viscous_power_ = 0;     // [W/m]
   bool touching_ = false;

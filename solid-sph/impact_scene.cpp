@@ -64,16 +64,16 @@ void read_fluid(SceneTable& table, double shared_density, BodyScene& body) {
 void read_contact(SceneTable& solid, SolidScene& scene) {
   const auto rigid = std::count_if(scene.bodies.begin(), scene.bodies.end(),
                                    [](const BodyScene& body) { return body.rigid.has_value(); });
-  scene.pinball = scene.fluids();
+  scene.pinball = scene.fluids() || scene.meets_surface;
   auto contact = solid.table_if("contact");
   if (!contact) return;
   scene.contact = true;
   constexpr std::array<std::string_view, 2> methods{"penalty", "pinball"};
-  if (contact->has("method") || !scene.fluids())
+  if (contact->has("method") || !scene.pinball)
     scene.pinball = contact->choice("method", methods) == "pinball";
-  if (scene.fluids() && !scene.pinball)
-    contact->problem("method", "a fluid meets other bodies by method = \"pinball\"");
-  if (scene.bodies.size() < 2) contact->problem("", "needs several [[solid.body]]");
+  if ((scene.fluids() || scene.meets_surface) && !scene.pinball)
+    contact->problem("method", "a fluid, and what meets a wet surface, do so by method = \"pinball\"");
+  if (scene.bodies.size() < 2 && !scene.meets_surface) contact->problem("", "needs several [[solid.body]]");
   if (scene.mode == Mode::steady || scene.updated_lagrangian)
     contact->problem("", "is of transient runs in the total Lagrangian form");
   if (scene.pinball) {
@@ -108,6 +108,8 @@ void check_impact(SceneTable& solid, const SolidScene& scene) {
     solid.problem("kernel", "of a fluid is the cubic spline");
   for (const char* key : {"stress_points", "formulation", "periodic", "conservative_smoothing"})
     if (solid.has(key)) solid.problem(key, "does not go with bodies that meet by impulses");
+  if (scene.meets_surface && solid.has("wet"))
+    solid.problem("wet", "is of the scene's solid; what meets its surface brings none");
   for (const HoldScene& hold : scene.holds) {
     if (hold.place.every_body ? scene.fluids() : scene.bodies[hold.place.body].fluid.has_value())
       solid.problem("hold", "is of solids, not of a fluid; name the `body` it holds");
@@ -143,6 +145,15 @@ std::unique_ptr<Solver> make_impact_solver(const SolidScene& scene, const Body& 
          .two_sided = described.shell.has_value(),
          .fluid = described.fluid.has_value(),
          .radius = described.shell ? 0.5 * described.shell->thickness : 0.0});
+  }
+  if (scene.meets_surface && !body.member.empty() && body.member.back() == scene.bodies.size()) {
+    // The last member, and the hardest: it yields to nothing.
+    impact.surface_first = static_cast<std::uint32_t>(
+        std::lower_bound(body.member.begin(), body.member.end(), body.member.back()) - body.member.begin());
+    impact.is_fluid.push_back(0);
+    if (scene.shells()) impact.sections.emplace_back();
+    impact.fluid.materials.emplace_back();
+    impact.contact.members.push_back({.hardness = static_cast<double>(scene.bodies.size())});
   }
   impact.make_solid = [&](const Body& part) { return make_solver(scene.law, part, options); };
   return std::make_unique<ImpactSolver>(body, std::move(impact));

@@ -5,10 +5,12 @@
 #include <array>
 #include <cstdint>
 #include <functional>
+#include <optional>
 #include <span>
 #include <vector>
 
 #include "contact.hpp"
+#include "driven_surface.hpp"
 #include "particles.hpp"
 
 namespace estuary::solid {
@@ -65,9 +67,10 @@ struct Loading {
   std::vector<PrescribedMotion> prescribed;
   std::vector<RigidDrive> rigid_drives;
   std::vector<MomentLoad> moments;
-  ContactSettings contact;          // none when it names no body
-  std::array<double, 2> gravity{};  // [m/s2]
-  std::array<bool, 2> held{};       // components of the displacement that stay zero, in `advance` only
+  std::optional<SurfaceMotion> surface;  // of another participant, in `advance` of impacts only
+  ContactSettings contact;               // none when it names no body
+  std::array<double, 2> gravity{};       // [m/s2]
+  std::array<bool, 2> held{};            // components of the displacement that stay zero, in `advance` only
 };
 
 /// The sum of all loads (without gravity) on the particles they touch, step by step, and the work they do.

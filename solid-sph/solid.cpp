@@ -23,7 +23,7 @@ double seconds_since(Clock::time_point begin) {
 Identity Solid::identity() const {
   return {.name = "solid-sph",
           .version = ESTUARY_VERSION,
-          .roles = {"solid"},
+          .roles = {"solid", "fluid"},
           .capabilities = {"steady", "transient", "wet-surface", "rewind", "checkpoint"},
           .dimensions = {2}};
 }
@@ -56,9 +56,11 @@ Plan Solid::configure(Scene& scene, const std::string& role) {
   return scene.problems().empty() ? plan_of(scene_) : Plan{};
 }
 
-void Solid::build() {
+void Solid::build(const v1::Exchange& initial) {
   body_ = placed_ ? std::move(*placed_) : build_body(scene_);
   placed_.reset();
+  driven_.reset();
+  if (scene_.meets_surface) driven_.emplace(initial.wet_surface(), body_);
   SolverOptions options = scene_.solver_options();
   for (Material& material : options.materials) material.viscosity.smoothing_length = body_.smoothing_length;
   if (scene_.impact()) {
@@ -78,6 +80,7 @@ void Solid::build() {
   state_ = at_rest(body_);
   state_.history = solver_->history();
   if (scene_.mode == Mode::transient) set_velocities(scene_, body_, state_);
+  if (driven_) driven_->place(initial.displacements(), state_);
   accepted_ = state_;
   work_ = {};
   step_seconds_ = transfer_seconds_ = 0;
@@ -87,11 +90,11 @@ void Solid::build() {
   work_.bytes_per_update = pairs * (40 + (stabilised ? 48 : 0)) + 320;
 }
 
-v1::Exchange Solid::start(const v1::Exchange&, const std::filesystem::path& folder) {
+v1::Exchange Solid::start(const v1::Exchange& initial, const std::filesystem::path& folder) {
   folder_ = folder;
   std::filesystem::create_directories(folder_);
   try {
-    build();
+    build(initial);
     build_surface();
   } catch (const std::invalid_argument& error) {
     throw BadInput("solid", error.what());
@@ -196,6 +199,12 @@ AdvanceResult Solid::advance(const Window& window, const v1::Exchange& inputs, P
   if (!wet_nodes_.empty()) {
     fill_displacements(*result.outputs.mutable_displacements());
     add_surface_resultants(result);
+  }
+  if (driven_) {
+    DrivenSurface::Load load = driven_->load(solver_->surface_impulse(), window.duration, state_);
+    result.surface_force = {load.sum[0], load.sum[1]};
+    result.surface_moment = load.moment;
+    *result.outputs.mutable_forces() = std::move(load.forces);
   }
   result.watches = watch_values(window.time + window.duration);
   transfer_seconds_ += seconds_since(begin);

@@ -38,7 +38,7 @@ private:
     std::optional<std::array<double, 4>> region;  // what passes through it
   };
 
-  void build();
+  void build(const v1::Exchange& initial);
   void build_surface();
   void take_forces(const Window& window, const v1::Exchange& inputs);
   void integrate(const Window& window, const Monitor& monitor);
@@ -74,6 +74,7 @@ private:
   std::vector<double> wet_nodes_;  // reference positions [m]; empty without a wet surface
   Transfer transfer_;
   v1::WetSurface surface_;
+  std::optional<DrivenSurface> driven_;  // of the scene's solid, in the part of a fluid
   std::vector<PointWatch> watches_;
   State state_, accepted_;
   std::vector<double> forces_, accepted_forces_;  // on the wet nodes

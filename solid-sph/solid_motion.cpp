@@ -50,6 +50,7 @@ void Solid::integrate(const Window& window, const Monitor& monitor) {
   const double stretch_steps = scene_.impact() ? 25 : 200;
   state_ = accepted_;
   state_.time = window.time;
+  solver_->begin_window();
   const Loading whole = loading_;
   double done = 0;
   while (done < window.duration * (1 - 1e-12)) {

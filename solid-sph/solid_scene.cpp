@@ -242,7 +242,8 @@ SolidScene read_solid_scene(Scene& scene, const std::string& role) {
       result.end_time = coupling->number("end_time", Range::positive());
     }
   }
-  result.coupled = root.has("fluid") || root.has("grains");
+  result.coupled = role == "solid" && (root.has("fluid") || root.has("grains"));
+  result.meets_surface = role == "fluid" && root.has("solid");
   SceneTable solid = root.table(role);
   solid.leave_to_others({"solver", "connect", "threads"});
   read_bodies(solid, result);

@@ -154,8 +154,10 @@ struct SolidScene {
   WindowLoad window_load = WindowLoad::mean;
   Mode mode = Mode::steady;
   bool coupled = false;  // another participant acts on the wet surface
-  double window = 0;     // [s]
-  double end_time = 0;   // [s]
+  // In the part of a fluid: the bodies meet the wet surface of the scene's solid.
+  bool meets_surface = false;
+  double window = 0;    // [s]
+  double end_time = 0;  // [s]
 
   [[nodiscard]] bool plastic() const { return law == LawName::j2_plasticity; }
   /// Whether the volume of a body hardly gives way where its shape does; see Box::even.
@@ -174,7 +176,7 @@ struct SolidScene {
   [[nodiscard]] bool shell_at(const std::array<double, 2>& point) const;
   [[nodiscard]] bool fluids() const;
   /// Bodies of several kinds in one motion; see ImpactSolver.
-  [[nodiscard]] bool impact() const { return pinball || fluids(); }
+  [[nodiscard]] bool impact() const { return pinball || meets_surface || fluids(); }
   [[nodiscard]] ElasticConstants constants(std::size_t body) const;
   [[nodiscard]] double wave_speed(std::size_t body) const;
   [[nodiscard]] double fastest_wave() const;

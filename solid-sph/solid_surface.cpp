@@ -75,6 +75,13 @@ void Solid::fill_displacements(v1::Displacements& field) const {
 }
 
 void Solid::take_forces(const Window& window, const v1::Exchange& inputs) {
+  if (driven_) {
+    try {
+      loading_.surface = driven_->window(accepted_, inputs.displacements(), window.time, window.duration);
+    } catch (const std::invalid_argument& error) {
+      throw BadInput("inputs.displacements", error.what());
+    }
+  }
   if (wet_nodes_.empty()) {
     if (inputs.has_forces())
       throw BadInput("inputs.forces", "forces were sent, but this solid has no wet side");

@@ -96,6 +96,10 @@ public:
   [[nodiscard]] virtual double fracture_work() const { return 0; }
   [[nodiscard]] virtual bool symmetric_tangent() const = 0;
 
+  /// Before the first `advance` of a window.
+  virtual void begin_window() {}
+  /// Impulses that a driven surface has taken up since then [N s/m], 2 per node; empty without one.
+  [[nodiscard]] virtual std::span<const double> surface_impulse() const { return {}; }
   /// Advances by `steps` equal steps of velocity Verlet (Swope et al. 1982; with mass damping, second order
   /// in time).
   virtual void advance(State& state, const Loading& loading, double duration, std::uint64_t steps,
