@@ -177,11 +177,6 @@ void read_bodies(SceneTable& solid, SolidScene& result) {
   result.law = static_cast<LawName>(std::find(laws.begin(), laws.end(), law) - laws.begin());
   constexpr std::array<std::string_view, 2> planes{"strain", "stress"};
   result.plane = solid.choice("plane", planes) == "stress" ? Plane::stress : Plane::strain;
-  if ((result.law == LawName::neo_hooke || result.law == LawName::neo_hooke_isochoric) &&
-      result.plane == Plane::stress)
-    solid.problem("plane", law +
-                               " is available in plane strain only; use \"strain\", or the law "
-                               "saint_venant_kirchhoff, hooke_almansi or j2_plasticity");
 
   // A point list wants the spacing for its volumes.
   if (solid.has("spacing")) result.spacing = solid.number("spacing", Range::positive());

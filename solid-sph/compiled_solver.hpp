@@ -18,11 +18,7 @@ Law make_law(const Material& material) {
   if constexpr (Law::history_size > 0) {
     Law law;
     law.mu = material.constants.mu;
-    // Lambda of the solid itself, before plane stress changes it.
-    const double lambda = material.plane == Plane::strain ? material.constants.lambda
-                                                          : 2 * law.mu * material.constants.lambda /
-                                                                (2 * law.mu - material.constants.lambda);
-    law.bulk = lambda + 2 * law.mu / 3;
+    law.bulk = material.constants.solid_lambda() + 2 * law.mu / 3;
     law.plane = material.plane;
     law.plasticity = &material.plasticity;
     return law;

@@ -3,11 +3,13 @@
 // Each law is a small value type with its constants; kernels take it as a template argument. The stress is
 // written for any number type, so that `Dual` numbers give the exact tangent dP/dF. In plane stress the
 // out-of-plane strain of the two laws linear in their strain is eliminated by lambda' = 2 lambda mu / (lambda
-// + 2 mu). Sources: Bonet & Wood, Nonlinear Continuum Mechanics for Finite Element Analysis, ch. 6.
+// + 2 mu); the neo-Hookean ones find the stretch across the plane from no stress there. Sources: Bonet &
+// Wood, Nonlinear Continuum Mechanics for Finite Element Analysis, ch. 6.
 #pragma once
 
 #include <algorithm>
 #include <cmath>
+#include <utility>
 
 #include "tensor.hpp"
 
@@ -36,7 +38,26 @@ struct ElasticConstants {
   /// What stabilisation is measured by: the wave modulus, but no more than 4 mu, so that a nearly
   /// incompressible body does not lock (they are equal at a Poisson ratio of 1/3 in plane strain).
   [[nodiscard]] double stabilisation_modulus() const { return std::min(wave_modulus(), 4 * mu); }
+  /// Without Poisson's effect there is none of either kind.
+  [[nodiscard]] bool plane_stress() const { return lambda_across == 0 && lambda != 0; }
+  /// Lambda of the solid itself, before plane stress changes it.
+  [[nodiscard]] double solid_lambda() const {
+    return plane_stress() ? 2 * mu * lambda / (2 * mu - lambda) : lambda;
+  }
 };
+
+/// Root of an ascending function by Newton's method from `y`; `f` returns value and slope.
+template <class Function>
+double ascending_root(double y, Function&& f) {
+  for (int iteration = 0; iteration < 60; ++iteration) {
+    const auto [value, slope] = f(y);
+    // No step changes the logarithm of a stretch by more than this.
+    const double step = std::clamp(-value / slope, -1.0, 1.0);
+    y += step;
+    if (!(std::abs(step) > 1e-14)) break;
+  }
+  return y;
+}
 
 /// S = lambda tr(E) I + 2 mu E between second Piola-Kirchhoff stress and Green-Lagrange strain.
 struct SaintVenantKirchhoff {
@@ -67,7 +88,7 @@ struct SaintVenantKirchhoff {
   }
   /// Stretch across the plane: 1 in plane strain; in plane stress what no stress there asks for.
   [[nodiscard]] double stretch_across(const Tensor<double>& f) const {
-    if (constants.lambda_across != 0 || constants.lambda == 0) return 1;
+    if (!constants.plane_stress()) return 1;
     const double trace = 0.5 * (f.xx * f.xx + f.yx * f.yx + f.xy * f.xy + f.yy * f.yy - 2);
     return std::sqrt(std::max(1e-6, 1 - constants.lambda / constants.mu * trace));
   }
@@ -116,7 +137,7 @@ struct HookeAlmansi {
   }
 };
 
-/// Compressible neo-Hooke, P = mu (F - F^-T) + lambda ln J F^-T, plane strain only.
+/// Compressible neo-Hooke, P = mu (F - F^-T) + lambda ln J F^-T.
 struct NeoHooke {
   static constexpr const char* name = "neo-hooke";
   static constexpr bool hyperelastic = true;
@@ -125,26 +146,52 @@ struct NeoHooke {
 
   template <class T>
   Tensor<T> first_piola_kirchhoff(const Tensor<T>& f) const {
+    using std::exp;
     using std::log;
     const T j = determinant(f);
-    const T factor = (log(j) * constants.lambda - constants.mu) / j;
     const Tensor<T> c = cofactor(f);
+    T factor;
+    if (constants.plane_stress()) {
+      // Without stress across, lambda ln J = mu (1 - stretch^2). One more step of Newton's method in `T`
+      // brings its derivatives.
+      const double lambda = constants.solid_lambda();
+      const double y = log_stretch_across(plain(j));
+      const double squared = std::exp(2 * y);
+      const T log_stretch = y - (constants.mu * (squared - 1) + (log(j) + y) * lambda) *
+                                    (1 / (2 * constants.mu * squared + lambda));
+      factor = exp(log_stretch * 2.0) * (-constants.mu) / j;
+    } else {
+      factor = (log(j) * constants.lambda - constants.mu) / j;
+    }
     return {f.xx * constants.mu + c.xx * factor, f.xy * constants.mu + c.xy * factor,
             f.yx * constants.mu + c.yx * factor, f.yy * constants.mu + c.yy * factor};
   }
   [[nodiscard]] double energy_density(const Tensor<double>& f) const {
-    const double log_j = std::log(determinant(f));
-    return 0.5 * constants.mu * (contraction(f, f) - 2) - constants.mu * log_j +
-           0.5 * constants.lambda * log_j * log_j;
+    const double across = stretch_across(f), log_j = std::log(determinant(f) * across);
+    return 0.5 * constants.mu * (contraction(f, f) + across * across - 3) - constants.mu * log_j +
+           0.5 * constants.solid_lambda() * log_j * log_j;
   }
-  [[nodiscard]] static double stretch_across(const Tensor<double>&) { return 1; }
+  [[nodiscard]] double stretch_across(const Tensor<double>& f) const {
+    return constants.plane_stress() ? std::exp(log_stretch_across(determinant(f))) : 1;
+  }
   [[nodiscard]] double stress_across(const Tensor<double>& f) const {
     const double j = determinant(f);
     return constants.lambda_across * std::log(j) / j;
   }
+
+private:
+  // mu (stretch^2 - 1) + lambda ln (j stretch) = 0 for its logarithm.
+  [[nodiscard]] double log_stretch_across(double j) const {
+    const double lambda = constants.solid_lambda(), log_j = std::log(j);
+    return ascending_root(-lambda * log_j / (lambda + 2 * constants.mu), [&](double y) {
+      const double squared = std::exp(2 * y);
+      return std::pair{constants.mu * (squared - 1) + lambda * (log_j + y),
+                       2 * constants.mu * squared + lambda};
+    });
+  }
 };
 
-/// Neo-Hooke split into change of shape and of volume, for nearly incompressible bodies, plane strain only:
+/// Neo-Hooke split into change of shape and of volume, for nearly incompressible bodies:
 ///     W = mu / 2 (J^(-2/3) (tr F^T F + 1) - 3) + kappa / 2 ((J^2 - 1) / 2 - ln J)
 /// (Simo & Hughes, Computational Inelasticity, ch. 9).
 struct NeoHookeIsochoric {
@@ -153,12 +200,24 @@ struct NeoHookeIsochoric {
   static constexpr std::size_t history_size = 0;
   ElasticConstants constants;
 
-  [[nodiscard]] double bulk() const { return constants.lambda + 2 * constants.mu / 3; }
+  [[nodiscard]] double bulk() const { return constants.solid_lambda() + 2 * constants.mu / 3; }
   template <class T>
   Tensor<T> first_piola_kirchhoff(const Tensor<T>& f) const {
     using std::exp;
     using std::log;
     const T j = determinant(f);
+    if (constants.plane_stress()) {
+      // Without stress across, what follows the volume is the pressure of shape; see NeoHooke.
+      const double y = log_stretch_across(plain(j), plain(contraction(f, f)));
+      const double squared = std::exp(2 * y);
+      const auto [value, slope] = imbalance<T>(log(j), contraction(f, f), y, squared);
+      const T log_stretch = y - value * (1 / plain(slope));
+      const T shape = exp((log(j) + log_stretch) * (-2.0 / 3.0)) * constants.mu;
+      const T factor = shape * exp(log_stretch * 2.0) * -1.0 / j;
+      const Tensor<T> c = cofactor(f);
+      return {f.xx * shape + c.xx * factor, f.xy * shape + c.xy * factor, f.yx * shape + c.yx * factor,
+              f.yy * shape + c.yy * factor};
+    }
     const T shape = exp(log(j) * (-2.0 / 3.0)) * constants.mu;
     const T trace = contraction(f, f) + 1.0;
     const T factor = ((j * j - 1.0) * (0.5 * bulk()) - shape * trace * (1.0 / 3.0)) / j;
@@ -167,14 +226,34 @@ struct NeoHookeIsochoric {
             f.yy * shape + c.yy * factor};
   }
   [[nodiscard]] double energy_density(const Tensor<double>& f) const {
-    const double j = determinant(f);
-    return 0.5 * constants.mu * (std::pow(j, -2.0 / 3.0) * (contraction(f, f) + 1) - 3) +
+    const double across = stretch_across(f), j = determinant(f) * across;
+    return 0.5 * constants.mu * (std::pow(j, -2.0 / 3.0) * (contraction(f, f) + across * across) - 3) +
            0.5 * bulk() * (0.5 * (j * j - 1) - std::log(j));
   }
-  [[nodiscard]] static double stretch_across(const Tensor<double>&) { return 1; }
+  [[nodiscard]] double stretch_across(const Tensor<double>& f) const {
+    return constants.plane_stress() ? std::exp(log_stretch_across(determinant(f), contraction(f, f))) : 1;
+  }
   [[nodiscard]] double stress_across(const Tensor<double>& f) const {
+    if (constants.plane_stress()) return 0;
     const double j = determinant(f), shape = constants.mu * std::pow(j, -5.0 / 3.0);
     return shape * (1 - (contraction(f, f) + 1) / 3) + 0.5 * bulk() * (j - 1 / j);
+  }
+
+private:
+  // Kirchhoff stress across and its slope over the logarithm y of the stretch there; `trace` is that of F^T F
+  // in the plane.
+  template <class T>
+  [[nodiscard]] std::pair<T, T> imbalance(const T& log_j, const T& trace, double y, double squared) const {
+    using std::exp;
+    const T shape = exp((log_j + y) * (-2.0 / 3.0)) * constants.mu;
+    const T j_squared = exp((log_j + y) * 2.0);
+    return {shape * (squared * (2.0 / 3.0) - trace * (1.0 / 3.0)) + (j_squared - 1.0) * (0.5 * bulk()),
+            shape * (squared * (8.0 / 9.0) + trace * (2.0 / 9.0)) + j_squared * bulk()};
+  }
+  [[nodiscard]] double log_stretch_across(double j, double trace) const {
+    const double lambda = constants.solid_lambda(), log_j = std::log(j);
+    return ascending_root(-lambda * log_j / (lambda + 2 * constants.mu),
+                          [&](double y) { return imbalance<double>(log_j, trace, y, std::exp(2 * y)); });
   }
 };
 

@@ -99,4 +99,12 @@ struct Dual {
   }
 };
 
+/// Without its derivatives.
+inline double plain(double a) {
+  return a;
+}
+inline double plain(const Dual& a) {
+  return a.value;
+}
+
 }  // namespace estuary::solid

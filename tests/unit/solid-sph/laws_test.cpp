@@ -33,7 +33,7 @@ TEST(CubicSpline, SlopeIsTheDerivative) {
 
 template <class Law>
 class LawTest : public testing::Test {};
-using Laws = testing::Types<SaintVenantKirchhoff, HookeAlmansi, NeoHooke>;
+using Laws = testing::Types<SaintVenantKirchhoff, HookeAlmansi, NeoHooke, NeoHookeIsochoric>;
 TYPED_TEST_SUITE(LawTest, Laws);
 
 const Tensor<double> kDeformed{1.2, 0.3, -0.15, 0.9};
@@ -70,19 +70,21 @@ TYPED_TEST(LawTest, CauchyStressIsSymmetric) {
 }
 
 TYPED_TEST(LawTest, StressIsTheDerivativeOfTheEnergy) {
-  const TypeParam law{ElasticConstants::from(3.0, 0.3, Plane::strain)};
   if (!TypeParam::hyperelastic) GTEST_SKIP() << "this law has no energy";
-  const double e = 1e-6;
-  const Tensor<double> p = law.first_piola_kirchhoff(kDeformed);
-  const auto slope = [&](const Tensor<double>& direction) {
-    return (law.energy_density(kDeformed + scaled(direction, e)) -
-            law.energy_density(kDeformed - scaled(direction, e))) /
-           (2 * e);
-  };
-  EXPECT_NEAR(slope({1, 0, 0, 0}), p.xx, 1e-8);
-  EXPECT_NEAR(slope({0, 1, 0, 0}), p.xy, 1e-8);
-  EXPECT_NEAR(slope({0, 0, 1, 0}), p.yx, 1e-8);
-  EXPECT_NEAR(slope({0, 0, 0, 1}), p.yy, 1e-8);
+  for (const Plane plane : {Plane::strain, Plane::stress}) {
+    const TypeParam law{ElasticConstants::from(3.0, 0.3, plane)};
+    const double e = 1e-6;
+    const Tensor<double> p = law.first_piola_kirchhoff(kDeformed);
+    const auto slope = [&](const Tensor<double>& direction) {
+      return (law.energy_density(kDeformed + scaled(direction, e)) -
+              law.energy_density(kDeformed - scaled(direction, e))) /
+             (2 * e);
+    };
+    EXPECT_NEAR(slope({1, 0, 0, 0}), p.xx, 1e-8);
+    EXPECT_NEAR(slope({0, 1, 0, 0}), p.xy, 1e-8);
+    EXPECT_NEAR(slope({0, 0, 1, 0}), p.yx, 1e-8);
+    EXPECT_NEAR(slope({0, 0, 0, 1}), p.yy, 1e-8);
+  }
 }
 
 TYPED_TEST(LawTest, TangentIsTheDerivativeOfTheStress) {
@@ -108,6 +110,33 @@ TEST(Plane, StressStretchesByYoungModulus) {
   EXPECT_NEAR(p.xx / e, young, 1e-5);
   EXPECT_NEAR(p.yy / e, 0, 1e-5);
   EXPECT_EQ(law.stress_across(Tensor<double>{1.1, 0, 0, 0.9}), 0);
+}
+
+// Stretched along x and free in both other directions: the two directions behave alike.
+TEST(NeoHooke, SheetInPlaneStressContractsAcrossAsInItsPlane) {
+  for (const double ratio : {0.3, 0.499999}) {
+    const ElasticConstants solid = ElasticConstants::from(3.0, ratio, Plane::strain);
+    const double stretch = 1.7;
+    // mu (b^2 - 1) + lambda ln (stretch b^2) = 0, by bisection.
+    double low = 0.1, high = 1;
+    for (int k = 0; k < 100; ++k) {
+      const double b = 0.5 * (low + high);
+      (solid.mu * (b * b - 1) + solid.lambda * std::log(stretch * b * b) > 0 ? high : low) = b;
+    }
+    const NeoHooke law{ElasticConstants::from(3.0, ratio, Plane::stress)};
+    const Tensor<double> f{stretch, 0, 0, low}, p = law.first_piola_kirchhoff(f);
+    EXPECT_NEAR(law.stretch_across(f), low, 1e-9);
+    EXPECT_NEAR(p.xx, solid.mu * (stretch - low * low / stretch), 1e-9);
+    EXPECT_NEAR(p.yy, 0, 1e-8);
+  }
+}
+
+TEST(NeoHookeIsochoric, IncompressibleSheetInPlaneStressHasTheTextbooksStress) {
+  const NeoHookeIsochoric law{ElasticConstants::from(3.0, 0.49999, Plane::stress)};
+  const Tensor<double> f{2, 0, 0, 0.6}, p = law.first_piola_kirchhoff(f);
+  EXPECT_NEAR(law.stretch_across(f), 1 / 1.2, 1e-4);
+  EXPECT_NEAR(p.xx / law.constants.mu, 2 - 1 / (2.0 * 2 * 2 * 0.36), 1e-4);
+  EXPECT_NEAR(p.yy / law.constants.mu, 0.6 - 1 / (0.6 * 0.6 * 0.6 * 4), 2e-4);
 }
 
 TEST(NeoHooke, SimpleShearIsLinear) {
