@@ -308,7 +308,7 @@ void read_watches(SceneTable& root, CouplingScene& result) {
     watch.from_time = table.number_or("from_time", 0.0, Range::not_negative());
     // Where to look is the participant's business.
     table.leave_to_others({"point", "line", "samples", "region", "grain", "wall", "from", "to", "obstacle",
-                           "reference_length", "reference_velocity", "exact_velocity", "body"});
+                           "reference_length", "reference_velocity", "exact_velocity", "body", "hold"});
     if (watch.name.find_first_not_of("abcdefghijklmnopqrstuvwxyzABCDEFGHIJKLMNOPQRSTUVWXYZ0123456789_-") !=
         std::string::npos) {
       table.problem("name", "a watch is named with letters, digits, '_' and '-': it becomes a file name");

@@ -131,14 +131,18 @@ void check_conditions(const SolidScene& scene, const Body& body) {
     if (particles_of(body, selection).empty())
       unmet.push_back({"hold", h, "meets no particle" + selection.nearest()});
   }
-  for (std::size_t l = 0; l < scene.loads.size() && !body.outlines.empty(); ++l) {
+  for (std::size_t l = 0; l < scene.loads.size(); ++l) {
     const Place& place = scene.loads[l].place;
+    if (body.outlines.empty() && place.side) continue;
     const Selection selection(scene, body, place);
     if (!selection.segments().empty()) continue;
-    if (!scene.bodies[place.body].shell)
+    const bool of_shell = scene.bodies[place.body].shell.has_value();
+    if (!of_shell && !scene.loads[l].on_particles())
       unmet.push_back({"load", l, "meets no segment of a contour" + selection.nearest()});
     else if (particles_of(body, selection).empty())
-      unmet.push_back({"load", l, "meets no particle of the shell" + selection.nearest()});
+      unmet.push_back(
+          {"load", l,
+           (of_shell ? "meets no particle of the shell" : "meets no particle") + selection.nearest()});
   }
   if (!unmet.empty()) throw UnmetConditions(std::move(unmet));
 }
@@ -166,6 +170,10 @@ void mark_held(const SolidScene& scene, Body& body) {
           body.fixed[i] = static_cast<std::uint8_t>(body.fixed[i] | kRotationFixed);
       }
   }
+}
+
+std::vector<std::uint32_t> held_particles(const SolidScene& scene, const Body& body, std::size_t hold) {
+  return particles_of(body, Selection(scene, body, scene.holds[hold].place));
 }
 
 void set_velocities(const SolidScene& scene, const Body& body, State& state) {
@@ -233,7 +241,7 @@ Loading build_loading(const SolidScene& scene, const Body& body,
       if (!scene_load.ramp.empty())
         load.factor = [e = keep(scene_load.ramp)](double t) { return (*e)(0, 0, 0, t); };
     };
-    if (body.outlines.empty()) {
+    if (body.outlines.empty() && scene_load.place.side) {
       const ContourLine line = contour_line(body, {&*scene_load.place.side, 1});
       const Transfer transfer = contour_transfer(body, {&line, 1});
       ParticleLoad load;
@@ -246,14 +254,17 @@ Loading build_loading(const SolidScene& scene, const Body& body,
     }
     const Selection selection(scene, body, scene_load.place);
     const auto segments = selection.segments();
-    // A load on single particles of a shell.
-    if (scene.bodies[scene_load.place.body].shell && (segments.empty() || scene_load.moment != 0)) {
+    // A load on single particles: of a shell in equal shares, of other bodies by their volumes.
+    const bool of_shell = scene.bodies[scene_load.place.body].shell.has_value();
+    if (of_shell ? segments.empty() || scene_load.moment != 0 : segments.empty()) {
       const std::vector<std::uint32_t> chosen = particles_of(body, selection);
       ParticleLoad load;
       load.particle = chosen;
-      for (std::size_t k = 0; k < chosen.size(); ++k)
+      double total = 0;
+      for (const std::uint32_t i : chosen) total += of_shell ? 1 : body.volume[i];
+      for (const std::uint32_t i : chosen)
         for (const double force : scene_load.force)
-          load.end.push_back(force / static_cast<double>(chosen.size()));
+          load.end.push_back(force * (of_shell ? 1 : body.volume[i]) / total);
       load.start = load.end;
       scaled_by_ramp(load);
       if (scene_load.moment != 0)

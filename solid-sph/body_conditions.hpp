@@ -26,6 +26,8 @@ struct UnmetConditions : std::invalid_argument {
 
 /// Marks the components of particles that a [[solid.hold]] holds.
 void mark_held(const SolidScene& scene, Body& body);
+/// Those of one of them, counted from 0.
+std::vector<std::uint32_t> held_particles(const SolidScene& scene, const Body& body, std::size_t hold);
 
 /// Initial velocities of the scene's bodies.
 void set_velocities(const SolidScene& scene, const Body& body, State& state);

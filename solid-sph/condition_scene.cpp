@@ -69,6 +69,10 @@ bool outlined(const SolidScene& scene, const Place& place) {
 void read_holds(SceneTable& solid, SolidScene& result) {
   for (SceneTable& table : solid.tables("hold")) {
     HoldScene hold;
+    hold.name = table.text_or("name", "");
+    for (const HoldScene& other : result.holds)
+      if (!hold.name.empty() && other.name == hold.name)
+        table.problem("name", "is that of an earlier [[solid.hold]]");
     hold.place = read_place(table, result, true);
     if (result.bodies[hold.place.body].rigid)
       table.problem("", "is of deformable bodies; a rigid one has `held` and `motion`");
@@ -118,8 +122,11 @@ void read_load(SceneTable& table, SolidScene& result) {
       table.problem("side", "a body periodic in x has no \"" + std::string(kSides[side]) + "\" side");
   }
   const bool only_sides = !outlined(result, place);
-  if (only_sides && (!place.side || !table.has("force")))
-    table.problem("", "here only a `force` on a `side` is possible: there are no particles on the contour");
+  if (only_sides && (!(place.side || place.region) || !table.has("force")))
+    table.problem("",
+                  "here only a `force` on a `side` of a box or on the particles of a `region` is possible: "
+                  "there are no "
+                  "particles on the contour");
   if (table.has("force")) {
     const auto force = table.numbers("force", 2);
     if (force.size() == 2) load.force = {force[0], force[1]};

@@ -76,7 +76,8 @@ void Solid::build(const v1::Exchange& initial) {
   newton_.reset();
   if (scene_.mode == Mode::steady && !scene_.all_rigid() && scene_.method == SteadyMethod::newton)
     newton_ = std::make_unique<NewtonSolver>(
-        *solver_, scene_.law == LawName::neo_hooke || scene_.law == LawName::neo_hooke_isochoric);
+        *solver_, scene_.plane == Plane::strain &&
+                      (scene_.law == LawName::neo_hooke || scene_.law == LawName::neo_hooke_isochoric));
   state_ = at_rest(body_);
   state_.history = solver_->history();
   if (scene_.mode == Mode::transient) set_velocities(scene_, body_, state_);
@@ -108,7 +109,10 @@ v1::Exchange Solid::start(const v1::Exchange& initial, const std::filesystem::pa
                      .body = watch.body,
                      .rigid = {},
                      .transfer = {},
-                     .region = watch.region};
+                     .region = watch.region,
+                     .hold = watch.hold,
+                     .held = {}};
+    if (watch.hold) entry.held = held_particles(scene_, body_, *watch.hold);
     if (watch.point) {
       entry.point = *watch.point;
       entry.rigid = rigid_at(*watch.point);

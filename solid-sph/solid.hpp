@@ -1,5 +1,6 @@
 // The SPH solid as a participant: bodies in two dimensions, transient or steady. solid_motion.cpp runs its
-// windows, solid_surface.cpp is the wet surface, solid_watch.cpp says what is watched, solid_files.cpp writes.
+// windows, solid_surface.cpp is the wet surface, solid_watch.cpp says what is watched, solid_files.cpp
+// writes.
 #pragma once
 
 #include <filesystem>
@@ -36,6 +37,8 @@ private:
     std::optional<std::size_t> rigid;             // the rigid body it lies in
     std::optional<Transfer> transfer;             // else; none for totals
     std::optional<std::array<double, 4>> region;  // what passes through it
+    std::optional<std::size_t> hold;              // what one holds with
+    std::vector<std::uint32_t> held;              // its particles
   };
 
   void build(const v1::Exchange& initial);
@@ -54,10 +57,15 @@ private:
   [[nodiscard]] std::vector<WatchValues> watch_values(double time);
   [[nodiscard]] NamedValues region_quantities(const std::array<double, 4>& region) const;
   void add_quantities(const Transfer& transfer, NamedValues& quantities) const;
+  /// Force and moment about the origin of what holds or moves particles, in all or by one [[solid.hold]],
+  /// without the inertia of particles that it moves.
   [[nodiscard]] std::array<double, 3> reaction(double time);
-  /// Cauchy xx yy xy zz, von Mises and equivalent plastic strain of a particle.
-  [[nodiscard]] std::array<double, 6> particle_stress(std::size_t particle) const;
-  [[nodiscard]] std::array<double, 6> stress_at(const Transfer& transfer) const;
+  [[nodiscard]] std::array<double, 3> reaction_of(const std::vector<std::uint32_t>& particles,
+                                                  const std::array<bool, 2>& component,
+                                                  const std::vector<double>& external) const;
+  /// Cauchy xx yy xy zz, von Mises, equivalent plastic strain and damage of a particle.
+  [[nodiscard]] std::array<double, 7> particle_stress(std::size_t particle) const;
+  [[nodiscard]] std::array<double, 7> stress_at(const Transfer& transfer) const;
   void add_surface_resultants(AdvanceResult& result) const;
   void write_particles(const std::filesystem::path& file) const;
   void write_surface(const std::filesystem::path& file) const;

@@ -9,12 +9,10 @@ namespace estuary::solid {
 void Solid::write_particles(const std::filesystem::path& file) const {
   const std::size_t n = body_.particles();
   std::vector<double> position(2 * n), body(n);
-  std::array<std::vector<double>, 6> stress;
+  std::array<std::vector<double>, 7> stress;
   std::array<std::vector<double>, 4> gradient;
   for (auto& values : stress) values.resize(n);
   for (auto& values : gradient) values.resize(n);
-  const auto& history = solver_->history();
-  std::vector<double> damage(scene_.plastic() && !scene_.shells() && !scene_.impact() ? n : 0);
   for (std::size_t i = 0; i < n; ++i) {
     for (std::size_t c = 0; c < 2; ++c)
       position[2 * i + c] = body_.position[2 * i + c] + state_.displacement[2 * i + c];
@@ -22,7 +20,6 @@ void Solid::write_particles(const std::filesystem::path& file) const {
     for (std::size_t c = 0; c < stress.size(); ++c) stress[c][i] = one[c];
     for (std::size_t c = 0; c < 4; ++c) gradient[c][i] = solver_->fields().deformation_gradient[4 * i + c];
     body[i] = body_.member[i];
-    if (!damage.empty()) damage[i] = history[J2Plasticity::history_size * i + 5];
   }
   const std::span<const double> displacement(state_.displacement.data(), 2 * n),
       velocity(state_.velocity.data(), 2 * n);
@@ -38,9 +35,9 @@ void Solid::write_particles(const std::filesystem::path& file) const {
                                {"deformation_gradient_yx", 1, gradient[2]},
                                {"deformation_gradient_yy", 1, gradient[3]}};
   if (scene_.bodies.size() > 1) views.push_back({"body", 1, body});
-  if (!damage.empty()) {
+  if (scene_.plastic() && !scene_.shells() && !scene_.impact()) {
     views.push_back({"plastic_strain", 1, stress[5]});
-    views.push_back({"damage", 1, damage});
+    views.push_back({"damage", 1, stress[6]});
   }
   const NamedValues names = n > 0 ? solver_->quantities_of(0, state_) : NamedValues{};
   std::vector<std::vector<double>> more(names.size(), std::vector<double>(n));

@@ -147,6 +147,17 @@ void read_watches(SceneTable& root, const std::string& role, SolidScene& result)
       if (table.has("point") || table.has("body"))
         table.problem("region", "give one of `point`, `body` and `region`");
     }
+    if (table.has("hold")) {
+      const std::string name = table.text("hold");
+      const auto found = std::find_if(result.holds.begin(), result.holds.end(),
+                                      [&](const HoldScene& hold) { return hold.name == name; });
+      if (name.empty() || found == result.holds.end())
+        table.problem("hold", "no [[solid.hold]] has the name \"" + name + "\"");
+      else
+        watch.hold = static_cast<std::size_t>(found - result.holds.begin());
+      if (table.has("point") || table.has("body") || table.has("region"))
+        table.problem("hold", "give one of `point`, `body`, `region` and `hold`");
+    }
     for (const char* key : {"line", "samples"})
       if (table.has(key)) table.problem(key, "the solid watches points and totals, not lines");
     result.watches.push_back(std::move(watch));

@@ -81,6 +81,7 @@ struct Place {
 };
 
 struct HoldScene {
+  std::string name;  // for a watch; empty without
   Place place;
   std::array<bool, 2> component{true, true};
   bool rotation = true;                     // of shells
@@ -94,6 +95,11 @@ struct LoadScene {
   std::array<std::string, 2> traction;  // [Pa], expressions of x, y and t
   std::string pressure;                 // [Pa], expression of x, y and t
   double moment = 0;                    // [N m/m], on a shell, scaled by `ramp`
+
+  /// Whether it may act on particles of a region where no stretch of the contour lies.
+  [[nodiscard]] bool on_particles() const {
+    return place.region && pressure.empty() && traction[0].empty() && traction[1].empty();
+  }
 };
 
 struct WatchScene {
@@ -101,6 +107,7 @@ struct WatchScene {
   std::optional<std::array<double, 2>> point;   // reference position [m]
   std::optional<std::size_t> body;              // totals of one
   std::optional<std::array<double, 4>> region;  // what is now between x0, y0 and x1, y1
+  std::optional<std::size_t> hold;              // what one of the scene's holds carries
 };
 
 enum class SteadyMethod { newton, relaxation };

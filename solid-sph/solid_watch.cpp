@@ -1,27 +1,31 @@
 // What the solid tells of its state: watched points, bodies, regions and totals.
 #include <algorithm>
 #include <cmath>
+#include <numeric>
 
 #include "rigid_motion.hpp"
 #include "solid.hpp"
 
 namespace estuary::solid {
 
-std::array<double, 6> Solid::particle_stress(std::size_t i) const {
+std::array<double, 7> Solid::particle_stress(std::size_t i) const {
   const Tensor<double> f = tensor_at(solver_->fields().deformation_gradient, i);
   const Tensor<double> sigma = scaled(product(solver_->first_piola_kirchhoff_at(i), transposed(f)),
                                       1 / (determinant(f) * solver_->stretch_across(i)));
   const double zz = solver_->stress_across(i), xy = 0.5 * (sigma.xy + sigma.yx);
   const double a = sigma.xx - sigma.yy, b = sigma.yy - zz, c = zz - sigma.xx;
-  const auto& history = solver_->history();
-  const double plastic = !scene_.plastic() || scene_.shells() || scene_.impact()
-                             ? 0.0
-                             : history[J2Plasticity::history_size * i + 4];
-  return {sigma.xx, sigma.yy, xy, zz, std::sqrt(0.5 * (a * a + b * b + c * c) + 3 * xy * xy), plastic};
+  std::array<double, 7> result{sigma.xx, sigma.yy, xy, zz,
+                               std::sqrt(0.5 * (a * a + b * b + c * c) + 3 * xy * xy)};
+  if (scene_.plastic() && !scene_.shells() && !scene_.impact()) {
+    const double* history = &solver_->history()[J2Plasticity::history_size * i];
+    result[5] = history[4];
+    result[6] = history[5];
+  }
+  return result;
 }
 
-std::array<double, 6> Solid::stress_at(const Transfer& transfer) const {
-  std::array<double, 6> value{};
+std::array<double, 7> Solid::stress_at(const Transfer& transfer) const {
+  std::array<double, 7> value{};
   for (std::size_t e = 0; e < transfer.weight.size(); ++e) {
     const auto one = particle_stress(transfer.touched[transfer.position[e]]);
     for (std::size_t c = 0; c < value.size(); ++c) value[c] += transfer.weight[e] * one[c];
@@ -29,19 +33,27 @@ std::array<double, 6> Solid::stress_at(const Transfer& transfer) const {
   return value;
 }
 
-// Force and moment about the origin of what holds or moves particles, at rest.
-std::array<double, 3> Solid::reaction(double time) {
-  std::vector<double> external;
-  solver_->external_force(loading_, time, state_.displacement, external);
+std::array<double, 3> Solid::reaction_of(const std::vector<std::uint32_t>& particles,
+                                         const std::array<bool, 2>& component,
+                                         const std::vector<double>& external) const {
   std::array<double, 3> sum{};
-  for (std::size_t i = 0; i < body_.size(); ++i)
+  for (const std::size_t i : particles)
     for (std::size_t c = 0; c < 2; ++c) {
-      if (!body_.holds(i, c) || body_.carried(i)) continue;
+      if (!component[c] || !body_.holds(i, c) || body_.carried(i)) continue;
       const double force = -solver_->fields().force[2 * i + c] - external[2 * i + c];
       sum[c] += force;
       const std::size_t o = 2 * i + 1 - c;
       sum[2] += (c == 1 ? 1 : -1) * (body_.position[o] + state_.displacement[o]) * force;
     }
+  return sum;
+}
+
+std::array<double, 3> Solid::reaction(double time) {
+  std::vector<double> external;
+  solver_->external_force(loading_, time, state_.displacement, external);
+  std::vector<std::uint32_t> all(body_.size());
+  std::iota(all.begin(), all.end(), 0U);
+  std::array<double, 3> sum = reaction_of(all, {true, true}, external);
   sum[2] += solver_->held_moment();
   // What springs and dampers pull with; a held degree of freedom carries the rest.
   for (std::size_t r = 0; r < body_.rigid.size(); ++r) {
@@ -171,6 +183,11 @@ std::vector<WatchValues> Solid::watch_values(double time) {
     WatchValues entry{watch.name, {}};
     if (watch.region) {
       entry.quantities = region_quantities(*watch.region);
+    } else if (watch.hold) {
+      std::vector<double> external;
+      solver_->external_force(loading_, time, state_.displacement, external);
+      const auto force = reaction_of(watch.held, scene_.holds[*watch.hold].component, external);
+      entry.quantities = {{"reaction_x", force[0]}, {"reaction_y", force[1]}, {"reaction_moment", force[2]}};
     } else if (watch.body) {
       entry.quantities = body_quantities(*watch.body);
     } else if (watch.rigid) {
@@ -179,12 +196,13 @@ std::vector<WatchValues> Solid::watch_values(double time) {
       std::array<double, 2> u{}, v{};
       interpolate(*watch.transfer, state_.displacement, u);
       interpolate(*watch.transfer, state_.velocity, v);
-      const std::array<double, 6> stress = stress_at(*watch.transfer);
+      const std::array<double, 7> stress = stress_at(*watch.transfer);
       entry.quantities = {
           {"displacement_x", u[0]}, {"displacement_y", u[1]},     {"displacement", std::hypot(u[0], u[1])},
           {"velocity_x", v[0]},     {"velocity_y", v[1]},         {"cauchy_xx", stress[0]},
           {"cauchy_yy", stress[1]}, {"cauchy_xy", stress[2]},     {"cauchy_zz", stress[3]},
           {"von_mises", stress[4]}, {"plastic_strain", stress[5]}};
+      if (scene_.plastic()) entry.quantities.emplace_back("damage", stress[6]);
       add_quantities(*watch.transfer, entry.quantities);
     } else {
       double largest = 0;

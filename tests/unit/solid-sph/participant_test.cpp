@@ -124,8 +124,7 @@ INSTANTIATE_TEST_SUITE_P(
         Refusal{"particles_across = 4", "spacing = 1e-7", "five million"},
         Refusal{"density = 920", "density = -1", "density"}, Refusal{"density = 920", "", "density"},
         Refusal{"poisson_ratio = 0.3", "poisson_ratio = 0.5", "poisson_ratio"},
-        Refusal{"poisson_ratio = 0.3", "poisson_ratio = 0.3\nlaw = \"neo_hooke\"\nplane = \"stress\"",
-                "plane"},
+        Refusal{"[[watch]]", "[[watch]]\nhold = \"grip\"", "no [[solid.hold]] has the name"},
         Refusal{"poisson_ratio = 0.3", "poisson_ratio = 0.3\nlaw = \"rubber\"", "law"},
         Refusal{"poisson_ratio = 0.3", "poisson_ratio = 0.3\nviscocity_linear = 0.1", "viscosity_linear"},
         Refusal{"clamped = [\"bottom\"]", "clamped = [\"below\"]", "not a side"},
@@ -278,6 +277,53 @@ TEST(Bodies, EachHasItsOwnMaterialMotionAndConditions) {
   EXPECT_NEAR(value_of(result, "totals", "total_energy") / start, 1, 2e-3);
   const auto files = run.solid.frame(1, 0.01);
   EXPECT_EQ(files.size(), 2u);
+}
+
+// A list of particles pulled at its end: no contour, so the force lies on particles, and each hold tells what
+// it carries.
+TEST(Bodies, PointsBearForcesOnTheirParticlesAndHoldsTellWhatTheyCarry) {
+  const auto file = std::filesystem::temp_directory_path() / ("points-" + std::to_string(::getpid()));
+  {
+    std::ofstream out(file);
+    for (int x = 0; x <= 20; ++x)
+      for (int y = 0; y < 4; ++y) out << 0.05 * x << " " << 0.05 * y << " " << 0.0025 << "\n";
+  }
+  const std::string text = replaced(
+      replaced(
+          replaced(kTwoBodies, "mode = \"transient\"\nwindow = 0.001\nend_time = 0.01", "mode = \"steady\""),
+          "wet = [\"contour\"]\n", "points = \"" + file.string() + "\"\n"),
+      "spacing = 0.01", "spacing = 0.05");
+  const std::string head = text.substr(0, text.find("[[solid.body]]"));
+  Running run(head + R"(
+[[solid.hold]]
+name = "grip"
+region = [[0.0, 0.0], [0.0, 0.15]]
+[[solid.hold]]
+region = [[0.5, 0.1], [0.5, 0.1]]
+components = ["y"]
+name = "pin"
+[[solid.load]]
+region = [[1.0, 0.0], [1.0, 0.15]]
+force = [2.0, 0.0]
+[[solid.load]]
+region = [[0.5, 0.05], [0.5, 0.05]]
+force = [0.0, -1.0]
+[[watch]]
+name = "grip"
+participant = "solid"
+hold = "grip"
+[[watch]]
+name = "pin"
+participant = "solid"
+hold = "pin"
+)");
+  std::filesystem::remove(file);
+  const AdvanceResult result = run.solid.advance(
+      {.number = 1, .iteration = 1, .mode = Mode::steady, .time = 0, .duration = 0}, {}, run.board);
+  EXPECT_NEAR(value_of(result, "grip", "reaction_x"), -2, 1e-6);
+  EXPECT_NEAR(value_of(result, "grip", "reaction_y") + value_of(result, "pin", "reaction_y"), 1, 1e-6);
+  EXPECT_GT(value_of(result, "pin", "reaction_y"), 0.5);
+  EXPECT_EQ(value_of(result, "pin", "reaction_x"), 0);
 }
 
 TEST(Bodies, GoOnBitForBitAfterALoadWithTheirHistory) {
