@@ -45,7 +45,9 @@ std::vector<Outline> lines_of(const v1::WetSurface& surface, std::size_t nodes) 
 }  // namespace
 
 double SurfaceMotion::at(std::size_t c, double now) const {
-  const double s = std::clamp((now - time) / duration, 0.0, 1.0);
+  const double s = std::max((now - time) / duration, 0.0);
+  // The step that begins at the window's end goes on as it ended.
+  if (s > 1) return end[c] + end_velocity[c] * (now - time - duration);
   return hermite(start[c], start_velocity[c], end[c], end_velocity[c], duration, s);
 }
 

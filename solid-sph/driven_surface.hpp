@@ -20,7 +20,7 @@ struct SurfaceMotion {
   double time = 0, duration = 0;                                 // of the window [s]
 
   [[nodiscard]] std::size_t nodes() const { return start.size() / 2; }
-  /// Displacement of component `c` (2 per node) at a time [m].
+  /// Displacement of component `c` (2 per node) at a time [m]; beyond the end at the velocity it has there.
   [[nodiscard]] double at(std::size_t c, double now) const;
 };
 

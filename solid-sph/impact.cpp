@@ -463,7 +463,7 @@ void ImpactSolver::advance(State& state, const Loading& loading, double duration
   external.set(0.0, start, state.displacement);
   const double decay = 1 - 0.5 * damping * dt, gain = 1 / (1 + 0.5 * damping * dt);
   find_forces(state, 0, 0);
-  if (rows_) rows_->add_moments(loading, start);
+  if (rows_) rows_->add_moments(loading, start, 0);
   drive(state, loading, start, dt);
   kick(state, loading, external, 0.5 * dt, dt, damping);
   for (std::uint64_t step = 1; step <= steps; ++step) {
@@ -472,11 +472,12 @@ void ImpactSolver::advance(State& state, const Loading& loading, double duration
     // Rotations go with the half-steps: kicked and drifted here, kicked again below.
     if (rows_) rows_->turn(row_history_, dt, decay, gain, false);
     drift(state, loading, time, dt);
-    if (rows_ && !loading.moments.empty())
-      state.external_work += rows_->moment_work(loading, time - 0.5 * dt, dt, row_history_);
+    if (rows_ && (!loading.moments.empty() || loading.couples))
+      state.external_work += rows_->moment_work(
+          loading, time - 0.5 * dt, fraction - 0.5 / static_cast<double>(steps), dt, row_history_);
     find_forces(state, dt, step);
     if (rows_) {
-      rows_->add_moments(loading, time);
+      rows_->add_moments(loading, time, fraction);
       rows_->turn(row_history_, dt, decay, gain, true);
     }
     external.set(fraction, time, state.displacement);

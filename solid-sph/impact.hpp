@@ -42,6 +42,7 @@ public:
   double fracture_work() const override;
   double kinetic_energy(const State& state) const override;
   double spin(const State& state) const override;
+  const ShellRow* shells() const override { return rows_ ? &*rows_ : nullptr; }
   double held_moment() const override { return rows_ ? rows_->held_moment() : 0; }
   std::array<double, 16> tangent_at(std::size_t particle) const override;
   Tensor<double> first_piola_kirchhoff_at(std::size_t particle) const override;

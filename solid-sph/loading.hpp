@@ -62,6 +62,9 @@ struct RigidDrive {
 
 struct Loading {
   std::vector<ParticleLoad> loads;
+  // On fibres of shells: force times its distance from the mid-line along the fibre [N], so that the moment
+  // is n x that.
+  std::optional<ParticleLoad> couples;
   std::vector<TractionLoad> tractions;
   std::vector<PressureLoad> pressures;
   std::vector<PrescribedMotion> prescribed;

@@ -72,11 +72,12 @@ NamedValues ShellSolver::quantities_of(std::size_t i, const State& state) const 
   return values;
 }
 
-void ShellSolver::add_loads(const Loading& loading, const ExternalForces& external, double time) {
+void ShellSolver::add_loads(const Loading& loading, const ExternalForces& external, double time,
+                            double fraction) {
   external.add_to(fields_.force);
   for (std::size_t i = 0; i < body_.size(); ++i)
     for (std::size_t c = 0; c < 2; ++c) fields_.force[2 * i + c] += body_.mass[i] * loading.gravity[c];
-  row_.add_moments(loading, time);
+  row_.add_moments(loading, time, fraction);
 }
 
 void ShellSolver::advance(State& state, const Loading& given, double duration, std::uint64_t steps,
@@ -98,11 +99,12 @@ void ShellSolver::advance(State& state, const Loading& given, double duration, s
   state.external_work -= gravity_work();
   evaluate(state.displacement);
   external.set(0, start, state.displacement);
-  add_loads(loading, external, start);
+  add_loads(loading, external, start, 0);
   guide.remember(fields_.force);
   for (std::uint64_t step = 1; step <= steps; ++step) {
     const double fraction = static_cast<double>(step) / static_cast<double>(steps);
     const double time = start + fraction * duration;
+    const double middle = (static_cast<double>(step) - 0.5) / static_cast<double>(steps);
     const auto kick = [&](bool ends) {
 #pragma omp parallel for schedule(static) if (n > kSerialBelow)
       for (std::size_t i = 0; i < n; ++i)
@@ -118,8 +120,8 @@ void ShellSolver::advance(State& state, const Loading& given, double duration, s
     kick(false);
     guide.move(state, time, dt);
     // Half-way through the step, where the rates are those of the motion.
-    if (!loading.moments.empty())
-      state.external_work += row_.moment_work(loading, time - 0.5 * dt, dt, history_);
+    if (!loading.moments.empty() || loading.couples)
+      state.external_work += row_.moment_work(loading, time - 0.5 * dt, middle, dt, history_);
     if (sweep(state.displacement, row_.remembers()) > 0) {
       for (std::size_t i = 0; i < n; ++i)
         if (!std::isfinite(fields_.force[2 * i] + fields_.force[2 * i + 1] + row_.moments()[i]))
@@ -130,7 +132,7 @@ void ShellSolver::advance(State& state, const Loading& given, double duration, s
       sweep(state.displacement, false);
     }
     external.set(fraction, time, state.displacement);
-    add_loads(loading, external, time);
+    add_loads(loading, external, time, fraction);
     // Gravity's share on what is moved is counted with the rest of gravity's.
     state.external_work += external.work() + guide.work(fields_.force, {});
     kick(true);
@@ -169,7 +171,7 @@ EquilibriumReport ShellSolver::relax(std::vector<double>& displacement, const Lo
       throw Breakdown(0, report.steps, std::numeric_limits<double>::quiet_NaN());
     const double energy_scale = energy(displacement);
     external.set(1, time, displacement);
-    add_loads(loading, external, time);
+    add_loads(loading, external, time, 1);
     for (std::size_t i = 0; i < n; ++i) {
       for (std::size_t c = 0; c < 2; ++c)
         if (body_.holds(i, c)) fields_.force[2 * i + c] = 0;

@@ -47,6 +47,7 @@ public:
   double reference_stable_step() override;
   double kinetic_energy(const State& state) const override;
   double spin(const State& state) const override { return row_.spin(state.history); }
+  const ShellRow* shells() const override { return &row_; }
   double held_moment() const override { return row_.held_moment(); }
   NamedValues totals(const State& state) const override;
   NamedValues quantities_of(std::size_t particle, const State& state) const override;
@@ -54,7 +55,7 @@ public:
 private:
   std::int64_t sweep(std::span<const double> displacement, bool commit);
   /// Gravity, forces and moments at `time` on top of the internal ones.
-  void add_loads(const Loading& loading, const ExternalForces& external, double time);
+  void add_loads(const Loading& loading, const ExternalForces& external, double time, double fraction);
 
   ShellRow row_;
 };

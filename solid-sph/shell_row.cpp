@@ -334,23 +334,39 @@ double ShellRow::fracture_work(std::span<const double> history) const {
   return sum;
 }
 
-void ShellRow::add_moments(const Loading& loading, double time) {
+template <typename Work>
+void ShellRow::visit_moments(const Loading& loading, double time, double fraction, const Work& work) const {
   for (const MomentLoad& load : loading.moments) {
     const double each =
         load.moment * (load.factor ? load.factor(time) : 1.0) / static_cast<double>(load.particle.size());
-    for (const std::uint32_t i : load.particle) moment_[local_[i]] += each;
+    for (const std::uint32_t i : load.particle) work(local_[i], each);
+  }
+  if (!loading.couples) return;
+  for (std::size_t k = 0; k < loading.couples->particle.size(); ++k) {
+    const std::uint32_t i = local_[loading.couples->particle[k]];
+    const Vector& n = fibre_[i];
+    work(i, n[0] * loading.couples->at(2 * k + 1, fraction) - n[1] * loading.couples->at(2 * k, fraction));
   }
 }
 
-double ShellRow::moment_work(const Loading& loading, double time, double dt,
+void ShellRow::add_moments(const Loading& loading, double time, double fraction) {
+  visit_moments(loading, time, fraction, [&](std::uint32_t i, double moment) { moment_[i] += moment; });
+}
+
+double ShellRow::moment_work(const Loading& loading, double time, double fraction, double dt,
                              std::span<const double> history) const {
   double sum = 0;
-  for (const MomentLoad& load : loading.moments) {
-    const double each =
-        load.moment * (load.factor ? load.factor(time) : 1.0) / static_cast<double>(load.particle.size());
-    for (const std::uint32_t i : load.particle) sum += each * history[2 * local_[i] + 1] * dt;
-  }
+  visit_moments(loading, time, fraction,
+                [&](std::uint32_t i, double moment) { sum += moment * history[2 * i + 1] * dt; });
   return sum;
+}
+
+std::array<std::array<double, 2>, 2> ShellRow::fibre_motion(std::uint32_t particle,
+                                                            std::span<const double> history) const {
+  const std::uint32_t i = local_[particle];
+  const Vector now = normal_of(fibre_angle_[i] + history[2 * i]), rest = rest_fibre_[i];
+  const double rate = history[2 * i + 1];
+  return {{{now[0] - rest[0], now[1] - rest[1]}, {-rate * now[1], rate * now[0]}}};
 }
 
 void ShellRow::turn(std::span<double> history, double dt, double decay, double gain, bool ends) const {

@@ -58,11 +58,21 @@ public:
   [[nodiscard]] double plastic_work(std::span<const double> history) const;
   /// Elastic energy set free by breaking [J/m].
   [[nodiscard]] double fracture_work(std::span<const double> history) const;
-  /// Adds the moments of a loading at `time`.
-  void add_moments(const Loading& loading, double time);
+  /// Adds the moments of a loading at `time`, `fraction` of the window gone, to those of the state last
+  /// evaluated.
+  void add_moments(const Loading& loading, double time, double fraction);
   /// Of the loading's moments during a step of `dt` at the rates in `history` [J/m].
-  [[nodiscard]] double moment_work(const Loading& loading, double time, double dt,
+  [[nodiscard]] double moment_work(const Loading& loading, double time, double fraction, double dt,
                                    std::span<const double> history) const;
+  // Of a particle of the body that belongs to a row.
+  [[nodiscard]] const std::array<double, 2>& rest_fibre(std::uint32_t particle) const {
+    return rest_fibre_[local_[particle]];
+  }
+  /// Change of its fibre since rest, and the rate of that [1/s].
+  [[nodiscard]] std::array<std::array<double, 2>, 2> fibre_motion(std::uint32_t particle,
+                                                                  std::span<const double> history) const;
+  /// Of a member of the body; 0: no shell.
+  [[nodiscard]] double thickness(std::size_t member) const { return sections_[member].thickness; }
   /// Half kick of the rates by the moments, and the drift of the rotations when the step begins with it.
   void turn(std::span<double> history, double dt, double decay, double gain, bool ends) const;
 
@@ -114,6 +124,9 @@ private:
   [[nodiscard]] bool broken(std::span<const double> history, std::size_t link) const {
     return breakable_ && memory(history, link)[kSectionHistory] != 0;
   }
+  // Calls `work(local, moment)` for every particle on which the loading puts a moment.
+  template <typename Work>
+  void visit_moments(const Loading& loading, double time, double fraction, const Work& work) const;
   [[nodiscard]] double overload(std::span<const double> history, std::size_t link) const;
   void pull(std::span<const double> displacement, std::span<double> history, bool commit, std::size_t link);
   void gather(std::span<const double> displacement, std::size_t local, Fields& fields);

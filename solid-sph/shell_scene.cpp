@@ -40,6 +40,12 @@ void read_shell(SceneTable& table, BodyScene& body) {
 
 void check_shells(SceneTable& solid, const SolidScene& scene) {
   if (!scene.shells()) return;
+  if (scene.wet_contour) {
+    if (std::any_of(scene.bodies.begin(), scene.bodies.end(),
+                    [](const BodyScene& body) { return !body.shell; }))
+      solid.problem("wet", "is of shells alone or of no shell: leave the other bodies to another process");
+    if (scene.breaks()) solid.problem("wet", "does not go with `rupture`: the surface would have to open");
+  }
   if (scene.impact()) {  // other bodies are there, and their keys
     if (!(scene.spacing > 0) || solid.has("particles_across"))
       solid.problem("particles_across", "a shell is one row of particles; give `spacing`");
@@ -47,14 +53,13 @@ void check_shells(SceneTable& solid, const SolidScene& scene) {
   }
   if (std::any_of(scene.bodies.begin(), scene.bodies.end(),
                   [](const BodyScene& body) { return !body.shell; }))
-    solid.problem("kind",
-                  "shells go into one scene with other bodies only with [solid.contact] method = \"pinball\"");
+    solid.problem(
+        "kind", "shells go into one scene with other bodies only with [solid.contact] method = \"pinball\"");
   if (!(scene.spacing > 0) || solid.has("particles_across"))
     solid.problem("particles_across", "a shell is one row of particles; give `spacing`");
-  for (const char* key :
-       {"placement", "clamp", "periodic", "correction", "kernel", "smoothing_ratio", "stabilisation",
-        "stress_points", "formulation", "viscosity_linear", "viscosity_quadratic", "conservative_smoothing",
-        "hourglass_viscosity", "contact", "wet"})
+  for (const char* key : {"placement", "clamp", "periodic", "correction", "kernel", "smoothing_ratio",
+                          "stabilisation", "stress_points", "formulation", "viscosity_linear",
+                          "viscosity_quadratic", "conservative_smoothing", "hourglass_viscosity", "contact"})
     if (solid.has(key)) solid.problem(key, "has no meaning for shells");
   if (scene.mode == Mode::steady && scene.method != SteadyMethod::relaxation)
     solid.problem("steady", "a shell's equilibrium is found by method = \"relaxation\"");

@@ -81,6 +81,7 @@ private:
   Loading loading_;                // the last particle load is the wet surface when there is one
   std::vector<double> wet_nodes_;  // reference positions [m]; empty without a wet surface
   Transfer transfer_;
+  std::optional<Transfer> arms_;  // of shells: distances of the nodes along the fibres
   v1::WetSurface surface_;
   std::optional<DrivenSurface> driven_;  // of the scene's solid, in the part of a fluid
   std::vector<PointWatch> watches_;

@@ -61,14 +61,15 @@ void Solid::integrate(const Window& window, const Monitor& monitor) {
     const std::uint64_t steps =
         (all + static_cast<std::uint64_t>(stretches) - 1) / static_cast<std::uint64_t>(stretches);
     const double part = duration / window.duration;
-    for (std::size_t l = 0; l < loading_.loads.size(); ++l) {
-      for (std::size_t c = 0; c < loading_.loads[l].start.size(); ++c) {
-        loading_.loads[l].start[c] = whole.loads[l].at(c, done / window.duration);
-        loading_.loads[l].end[c] = whole.loads[l].at(c, (done + duration) / window.duration);
+    const auto cut = [&](const ParticleLoad& uncut, ParticleLoad& load) {
+      for (std::size_t c = 0; c < load.start.size(); ++c) {
+        load.start[c] = uncut.at(c, done / window.duration);
+        load.end[c] = uncut.at(c, (done + duration) / window.duration);
       }
-      for (std::size_t c = 0; c < loading_.loads[l].bend.size(); ++c)
-        loading_.loads[l].bend[c] = part * part * whole.loads[l].bend[c];
-    }
+      for (std::size_t c = 0; c < load.bend.size(); ++c) load.bend[c] = part * part * uncut.bend[c];
+    };
+    for (std::size_t l = 0; l < loading_.loads.size(); ++l) cut(whole.loads[l], loading_.loads[l]);
+    if (loading_.couples) cut(*whole.couples, *loading_.couples);
     work_.steps += steps;
     work_.updates += static_cast<double>(steps) * static_cast<double>(body_.particles());
     solver_->advance(state_, loading_, duration, steps, scene_.damping,
@@ -83,6 +84,7 @@ void Solid::integrate(const Window& window, const Monitor& monitor) {
     loading_.loads[l].end = whole.loads[l].end;
     loading_.loads[l].bend = whole.loads[l].bend;
   }
+  loading_.couples = whole.couples;
 }
 
 double Solid::find_equilibrium(const Window& window, const Monitor& monitor) {

@@ -3,6 +3,7 @@
 #include <cstring>
 
 #include "body_conditions.hpp"
+#include "shell_faces.hpp"
 #include "solid.hpp"
 #include "wet_surface.hpp"
 
@@ -35,16 +36,23 @@ void Solid::build_surface() {
   wet_nodes_.clear();
   surface_.Clear();
   std::vector<ContourLine> lines;
-  if (scene_.wet_contour)
+  arms_.reset();
+  if (scene_.wet_contour && solver_->shells() != nullptr) {
+    ShellFaces faces = shell_faces(body_, *solver_->shells());
+    lines = std::move(faces.lines);
+    transfer_ = std::move(faces.mid_line);
+    arms_ = std::move(faces.arm);
+  } else if (scene_.wet_contour)
     lines = free_contours(body_);
   else if (!scene_.wet.empty())
     lines.push_back(contour_line(body_, scene_.wet));
   if (lines.empty()) return;
-  transfer_ = contour_transfer(body_, lines);
+  if (!arms_) transfer_ = contour_transfer(body_, lines);
   ParticleLoad wet;
   wet.particle = transfer_.touched;
   wet.start.assign(2 * wet.particle.size(), 0.0);
   wet.end = wet.start;
+  if (arms_) loading_.couples = wet;
   loading_.loads.push_back(std::move(wet));
   surface_.set_dimension(2);
   surface_.set_closed(true);
@@ -72,6 +80,16 @@ void Solid::fill_displacements(v1::Displacements& field) const {
   const auto n = static_cast<std::size_t>(count);
   interpolate(transfer_, state_.displacement, {field.mutable_displacement()->mutable_data(), n});
   interpolate(transfer_, state_.velocity, {field.mutable_velocity()->mutable_data(), n});
+  if (!arms_) return;
+  for (std::size_t k = 0; k < arms_->points(); ++k) {
+    const auto [change, rate] =
+        solver_->shells()->fibre_motion(arms_->touched[arms_->position[k]], state_.history);
+    for (std::size_t c = 0; c < 2; ++c) {
+      const auto at = static_cast<int>(2 * k + c);
+      (*field.mutable_displacement())[at] += arms_->weight[k] * change[c];
+      (*field.mutable_velocity())[at] += arms_->weight[k] * rate[c];
+    }
+  }
 }
 
 void Solid::take_forces(const Window& window, const v1::Exchange& inputs) {
@@ -118,11 +136,14 @@ void Solid::take_forces(const Window& window, const v1::Exchange& inputs) {
     for (std::size_t k = 0; k < end.size(); ++k)
       bend.push_back((earlier_forces_[k] - start[k] + r * (end[k] - start[k])) / (r * (r + 1)));
   }
-  ParticleLoad& wet = loading_.loads.back();
-  spread(transfer_, start, wet.start);
-  spread(transfer_, end, wet.end);
-  wet.bend.clear();
-  if (!bend.empty()) spread(transfer_, bend, wet.bend);
+  const auto act = [&](const Transfer& transfer, ParticleLoad& wet) {
+    spread(transfer, start, wet.start);
+    spread(transfer, end, wet.end);
+    wet.bend.clear();
+    if (!bend.empty()) spread(transfer, bend, wet.bend);
+  };
+  act(transfer_, loading_.loads.back());
+  if (arms_) act(*arms_, *loading_.couples);
 }
 
 void Solid::add_surface_resultants(AdvanceResult& result) const {

@@ -17,6 +17,8 @@
 
 namespace estuary::solid {
 
+class ShellRow;
+
 /// The state left the range of the method; `particle` is the first one seen.
 struct Breakdown : std::runtime_error {
   Breakdown(std::size_t which, std::uint64_t at_step, double volume_ratio)
@@ -127,6 +129,8 @@ public:
   [[nodiscard]] virtual double kinetic_energy(const State& state) const;
   /// Angular momentum of particles that turn about themselves [kg m2/s per m].
   [[nodiscard]] virtual double spin(const State&) const { return 0; }
+  /// Rows of particles that are shells, if there are any; their history comes first in that of the solver.
+  [[nodiscard]] virtual const ShellRow* shells() const { return nullptr; }
   /// What else a method knows about the whole, about a particle, and about one body.
   [[nodiscard]] virtual NamedValues totals(const State&) const { return {}; }
   [[nodiscard]] virtual NamedValues quantities_of(std::size_t, const State&) const { return {}; }
