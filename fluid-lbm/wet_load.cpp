@@ -46,36 +46,46 @@ double say_of(double clearance) {
 
 }  // namespace
 
-void WetLoad::find_visible(const Surface& surface, const Cells& cells, std::uint32_t wet_node,
-                           double normal_x, double normal_y) {
-  const Grid& grid = cells.grid();
+// In coordinates of the grid, whose periodic sides a surface may have left.
+WetLoad::WetNode WetLoad::in_grid(const Surface& surface, const Grid& grid, std::uint32_t wet_node) const {
   double px = surface.positions()[2 * wet_node];
   double py = surface.positions()[2 * wet_node + 1];
   if (grid.periodic_x) px -= std::floor((px + 0.5) / grid.nx) * grid.nx;
   if (grid.periodic_y) py -= std::floor((py + 0.5) / grid.ny) * grid.ny;
-  candidates_.clear();
-  if (!(px > -radius && px < grid.nx + radius && py > -radius && py < grid.ny + radius)) return;
+  return {wet_node, px, py, normals_[2 * wet_node], normals_[2 * wet_node + 1]};
+}
+
+void WetLoad::find_near_segments(const Surface& surface, const WetNode& wet, double reach) {
   near_.clear();
   for (const Segment& s : surface.segments()) {
-    if (std::max(s.ax, s.bx) < px - radius || std::min(s.ax, s.bx) > px + radius) continue;
-    if (std::max(s.ay, s.by) < py - radius || std::min(s.ay, s.by) > py + radius) continue;
+    if (std::max(s.ax, s.bx) < wet.x - reach || std::min(s.ax, s.bx) > wet.x + reach) continue;
+    if (std::max(s.ay, s.by) < wet.y - reach || std::min(s.ay, s.by) > wet.y + reach) continue;
     near_.push_back(&s);
   }
-  for (int y = static_cast<int>(std::ceil(py - radius)); y <= static_cast<int>(std::floor(py + radius));
+}
+
+bool WetLoad::hidden(const WetNode& wet, double x, double y) const {
+  return std::any_of(near_.begin(), near_.end(), [&](const Segment* s) {
+    return s->a != wet.index && s->b != wet.index && hides(*s, wet.x, wet.y, x, y);
+  });
+}
+
+void WetLoad::find_visible(const Surface& surface, const Cells& cells, const WetNode& wet) {
+  const Grid& grid = cells.grid();
+  candidates_.clear();
+  if (!(wet.x > -radius && wet.x < grid.nx + radius && wet.y > -radius && wet.y < grid.ny + radius)) return;
+  find_near_segments(surface, wet, radius);
+  for (int y = static_cast<int>(std::ceil(wet.y - radius)); y <= static_cast<int>(std::floor(wet.y + radius));
        ++y) {
-    for (int x = static_cast<int>(std::ceil(px - radius)); x <= static_cast<int>(std::floor(px + radius));
-         ++x) {
+    for (int x = static_cast<int>(std::ceil(wet.x - radius));
+         x <= static_cast<int>(std::floor(wet.x + radius)); ++x) {
       const Node node{grid.wrap_x(x), grid.wrap_y(y)};
       if (!grid.inside(node.x, node.y) || !cells.fluid(node.x, node.y)) continue;
-      const double dx = x - px;
-      const double dy = y - py;
+      const double dx = x - wet.x;
+      const double dy = y - wet.y;
       const double fraction = (dx * dx + dy * dy) / (radius * radius);
-      const double ahead = dx * normal_x + dy * normal_y;
-      if (fraction >= 1 || ahead <= 0) continue;
-      const auto hidden_by = [&](const Segment* s) {
-        return s->a != wet_node && s->b != wet_node && hides(*s, px, py, x, y);
-      };
-      if (std::any_of(near_.begin(), near_.end(), hidden_by)) continue;
+      const double ahead = dx * wet.normal_x + dy * wet.normal_y;
+      if (fraction >= 1 || ahead <= 0 || hidden(wet, x, y)) continue;
       double clearance = ahead;
       for (const Segment* s : near_) clearance = std::min(clearance, distance_to(*s, x, y));
       const double weight = (1 - fraction) * (1 - fraction) * say_of(clearance);
@@ -84,19 +94,26 @@ void WetLoad::find_visible(const Surface& surface, const Cells& cells, std::uint
   }
 }
 
-bool WetLoad::find_nearest(const Cells& cells, double px, double py) {
+// A node that no fluid lies in front of, as on the face of a body that stands outside the grid, must not take
+// the pressure that acts on the other face.
+bool WetLoad::find_nearest(const Surface& surface, const Cells& cells, const WetNode& wet) {
   const Grid& grid = cells.grid();
   double best = nearest_reach * nearest_reach;
   candidates_.clear();
-  if (!(std::abs(px) < 1e9 && std::abs(py) < 1e9)) return false;
-  const int x0 = static_cast<int>(std::lround(px));
-  const int y0 = static_cast<int>(std::lround(py));
-  for (int y = std::max(0, y0 - nearest_reach); y <= std::min(grid.ny - 1, y0 + nearest_reach); ++y) {
-    for (int x = std::max(0, x0 - nearest_reach); x <= std::min(grid.nx - 1, x0 + nearest_reach); ++x) {
-      const double square = (x - px) * (x - px) + (y - py) * (y - py);
-      if (square >= best || !cells.fluid(x, y)) continue;
+  if (!(std::abs(wet.x) < 1e9 && std::abs(wet.y) < 1e9)) return false;
+  find_near_segments(surface, wet, nearest_reach);
+  const int x0 = static_cast<int>(std::lround(wet.x));
+  const int y0 = static_cast<int>(std::lround(wet.y));
+  for (int y = y0 - nearest_reach; y <= y0 + nearest_reach; ++y) {
+    for (int x = x0 - nearest_reach; x <= x0 + nearest_reach; ++x) {
+      const Node node{grid.wrap_x(x), grid.wrap_y(y)};
+      const double dx = x - wet.x;
+      const double dy = y - wet.y;
+      const double square = dx * dx + dy * dy;
+      if (square >= best || dx * wet.normal_x + dy * wet.normal_y <= 0) continue;
+      if (!grid.inside(node.x, node.y) || !cells.fluid(node.x, node.y) || hidden(wet, x, y)) continue;
       best = square;
-      candidates_.assign(1, {{x, y}, x - px, y - py, 1.0});
+      candidates_.assign(1, {node, dx, dy, 1.0});
     }
   }
   return !candidates_.empty();
@@ -141,13 +158,14 @@ void WetLoad::build(const Surface& surface, const Cells& cells) {
   counts_ = {};
   normals_ = surface.node_normals();
   for (std::uint32_t n = 0; n < surface.node_count(); ++n) {
-    find_visible(surface, cells, n, normals_[2 * n], normals_[2 * n + 1]);
+    const WetNode wet = in_grid(surface, cells.grid(), n);
+    find_visible(surface, cells, wet);
     if (fit_linear()) {
       ++counts_.linear;
     } else if (!candidates_.empty()) {
       fit_mean();
       ++counts_.mean;
-    } else if (find_nearest(cells, surface.positions()[2 * n], surface.positions()[2 * n + 1])) {
+    } else if (find_nearest(surface, cells, wet)) {
       ++counts_.nearest;
     } else {
       ++counts_.without;

@@ -4,7 +4,7 @@
 // At each wet node a linear function is fitted to the values of the fluid nodes on its wet side by moving
 // least squares (Lancaster, Salkauskas, Math. Comput. 37 (1981)) and evaluated at the node. Fluid nodes that
 // another part of the surface hides, as on the other face of a thin fin, take no part. Where too few nodes
-// are left for a linear fit their weighted mean is used, where there are none the nearest fluid node; both
+// are left for a linear fit their weighted mean is used, where there are none the nearest one in front; both
 // are counted. The viscous stress follows from the non-equilibrium part, sigma = -(1 - 1/(2 tau+)) sum_i c_i
 // c_i (f_i - f_i^eq) (Krueger, Varnik, Raabe, Phys. Rev. E 79 (2009)).
 #pragma once
@@ -23,7 +23,7 @@ struct WetLoadCounts {
   std::size_t linear = 0;
   std::size_t mean = 0;
   std::size_t nearest = 0;
-  std::size_t without = 0;  // no fluid anywhere near: the load is zero
+  std::size_t without = 0;  // no fluid in front anywhere near: the load is zero
 };
 
 class WetLoad {
@@ -46,9 +46,18 @@ private:
     double dy = 0;
     double weight = 0;
   };
-  void find_visible(const Surface& surface, const Cells& cells, std::uint32_t wet_node, double normal_x,
-                    double normal_y);
-  bool find_nearest(const Cells& cells, double x, double y);
+  struct WetNode {
+    std::uint32_t index = 0;
+    double x = 0;  // in coordinates of the grid
+    double y = 0;
+    double normal_x = 0;  // unit normal into the fluid
+    double normal_y = 0;
+  };
+  [[nodiscard]] WetNode in_grid(const Surface& surface, const Grid& grid, std::uint32_t wet_node) const;
+  void find_near_segments(const Surface& surface, const WetNode& wet, double reach);
+  [[nodiscard]] bool hidden(const WetNode& wet, double x, double y) const;
+  void find_visible(const Surface& surface, const Cells& cells, const WetNode& wet);
+  bool find_nearest(const Surface& surface, const Cells& cells, const WetNode& wet);
   bool fit_linear();
   void fit_mean();
 

@@ -131,6 +131,31 @@ TEST(Surface, FitOfThePressureIsExactForLinearFields) {
   }
 }
 
+// The rear face of a piston stands outside the grid, nearer to the fluid than a fit ever looks: it must not take the
+// pressure of the front, which would then balance.
+TEST(Surface, FaceOutsideTheGridCarriesNoLoad) {
+  auto settings = box(24, 20, 0.1, all_walls);
+  Flow flow(settings);
+  const std::vector<double> corners{-6.5, 4.2, -6.5, 9.2, -6.5, 14.2, -1.5, 14.2, 3.4, 14.2,
+                                    3.4,  9.2, 3.4,  4.2, -1.5, 4.2};
+  const Outline piston = line(corners, true);
+  flow.set_wet_surface(piston.nodes(), piston.connectivity);
+  flow.move_wet_surface(piston.positions, piston.at_rest(), 1.0);
+  auto& p = flow.populations();
+  for (int y = 0; y < 20; ++y) {
+    for (int x = 0; x < 24; ++x) {
+      for (int i = 0; i < 9; ++i)
+        p[p.incoming(p.parity(), i, p.node(x, y))] = D2Q9::weight[static_cast<std::size_t>(i)] * 0.03;
+    }
+  }
+  WetLoad load;
+  load.build(*flow.wet_surface(), flow.cells());
+  std::vector<double> pressure;
+  load.evaluate(p, settings.equilibrium, settings.rates, pressure, nullptr);
+  EXPECT_EQ(pressure[1], 0.0);
+  EXPECT_NEAR(pressure[5], 0.01, 1e-15);
+}
+
 // Where a line meets its own periodic image, rounding must not decide which fluid its end nodes see.
 TEST(Surface, PeriodicSeamSeesAllItsFluid) {
   auto settings = box(4, 22, 0.1, walls_along_x);
