@@ -84,6 +84,18 @@ void note_left_out(CheckedScene& checked) {
   }
 }
 
+/// Grains are usually exchanged once a window, and their scenes say so; a solid under a fluid is another
+/// matter.
+void note_warnings(CheckedScene& checked) {
+  const CouplingScene& coupling = checked.coupling;
+  if (!coupling.implicit() && coupling.find("fluid") != nullptr && coupling.find("solid") != nullptr) {
+    checked.warnings.emplace_back(
+        "explicit coupling: each window is computed once, and nothing measures how far motion and load "
+        "agree; "
+        "a solid not much denser than the fluid needs an implicit scheme");
+  }
+}
+
 std::string measure_text(const Measure& measure) {
   const char* symbol = measure.field == Field::displacement ? "d"
                        : measure.field == Field::velocity   ? "v"
@@ -159,7 +171,8 @@ CheckedScene check_scene(SceneText given) {
                        .resumable = {},
                        .problems = {},
                        .participants = {},
-                       .left_out = {}};
+                       .left_out = {},
+                       .warnings = {}};
   Scene scene = Scene::parse(checked.given.text, checked.given.name, checked.given.overrides);
   checked.as_run = scene.as_run();
   checked.resumable = resumable_text(scene);
@@ -169,12 +182,14 @@ CheckedScene check_scene(SceneText given) {
   }
   checked.problems = all_problems(scene, checked);
   note_left_out(checked);
+  note_warnings(checked);
   return checked;
 }
 
 std::string plan_text(const CheckedScene& checked) {
   const CouplingScene& coupling = checked.coupling;
   std::string text = fmt::format("{}\n  {}\n", coupling.title, coupling_text(coupling));
+  for (const auto& warning : checked.warnings) text += fmt::format("  warning: {}\n", warning);
   for (const auto& participant : coupling.participants) {
     const std::string what = fmt::format("launch {}", fmt::join(participant.command, " "));
     const std::string how = participant.here() ? what

@@ -27,6 +27,7 @@ struct CheckedScene {
   std::vector<SceneProblem> problems;  // of the coupler and of every participant, in the order of the file
   std::map<std::string, v1::Configured> participants;  // by role; absent when it could not be asked
   std::vector<std::string> left_out;
+  std::vector<std::string> warnings;  // of the coupling itself; those of a participant are in its answer
 };
 
 /// Asks each participant's program to check its own table (`PROGRAM --check`, nothing is served). A program

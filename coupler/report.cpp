@@ -170,6 +170,7 @@ void add_plan(ReportPage& page, const Json& summary) {
         page.notice("note", "Warning: " + warning);
     }
   }
+  for (const auto& warning : texts(member(summary, "warnings"))) page.notice("note", "Warning: " + warning);
   const auto left_out = texts(member(summary, "left_out"));
   if (!left_out.empty()) {
     page.subheading("What this scene did not need, and so was left out");

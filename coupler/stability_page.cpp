@@ -65,7 +65,7 @@ StudyResults as_results(const StabilityMap& map) {
 }
 
 void add_lies(ReportPage& page, const StabilityMap& map) {
-  page.heading("Wrong, and yet ended as done");
+  page.heading("Wrong, and not a word of warning");
   bool none = true;
   for (const auto& run : map.runs) {
     if (!run.verdict.lie) continue;

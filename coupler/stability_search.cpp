@@ -18,6 +18,7 @@ StabilityRun judged_run(const StudyStore& store, const PreparedCell& cell,
   run.result.judged = {{"class", class_name(verdict.kind)},
                        {"lie", verdict.lie ? "1" : "0"},
                        {"symptom", verdict.symptom},
+                       {"warnings", fmt::format("{}", fmt::join(run.result.warnings, "; "))},
                        {"detected_window", verdict.window ? fmt::format("{}", *verdict.window) : ""},
                        {"detected_time", verdict.time ? fmt::format("{:.8g}", *verdict.time) : ""}};
   return run;

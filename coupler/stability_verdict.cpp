@@ -62,8 +62,9 @@ StabilityVerdict verdict_of_finished(const std::vector<StudyQuantity>& quantitie
     }
     if (symptom.empty()) continue;
     verdict.kind = StabilityClass::inaccurate;
-    // A check of the scene itself that fails is an honest end.
-    verdict.lie = verdict.lie || (lie && result.status == "done");
+    // A check of the scene that fails says nothing: its reference is that of the scene as it stands, without
+    // the study's settings.
+    verdict.lie = verdict.lie || (lie && result.warnings.empty());
     verdict.symptom += (verdict.symptom.empty() ? "" : "; ") + symptom;
   }
   return verdict;

@@ -24,6 +24,14 @@ double number(const Json& json, const char* key) {
   return json.is_object() && found != json.end() && found->is_number() ? found->get<double>() : 0.0;
 }
 
+void add_warnings(StudyResult& result, const Json& json) {
+  const auto found = json.is_object() ? json.find("warnings") : json.end();
+  if (!json.is_object() || found == json.end()) return;
+  for (const auto& warning : *found) {
+    if (warning.is_string()) result.warnings.push_back(warning.get<std::string>());
+  }
+}
+
 WatchRecord read_watches(const std::filesystem::path& folder) {
   WatchRecord watches;
   std::error_code error;
@@ -45,8 +53,10 @@ void read_work(StudyResult& result, const Json& summary, const std::filesystem::
     result.iterations = number(summary["iterations"], "total");
     result.iterations_per_window = number(summary["iterations"], "mean");
   }
+  add_warnings(result, summary);
   if (summary.contains("participants")) {
     for (const auto& [role, participant] : summary["participants"].items()) {
+      add_warnings(result, participant);
       result.steps += number(participant, "steps");
       result.updates += number(participant, "updates");
       result.compute_s += number(participant, "compute_s");

@@ -39,6 +39,7 @@ struct StudyResult {
   double iterations = 0;
   double iterations_per_window = 0;
   double windows = 0;
+  std::vector<std::string> warnings;  // that a person was given, of the coupling and of the participants
   double end_time = 0;  // of the last window that was kept in iterations.csv [s]; iterations in steady mode
   std::vector<std::pair<std::string, std::string>> judged;   // stability: more columns of the table
   double cost_s = std::numeric_limits<double>::quiet_NaN();  // what an error is held against

@@ -146,7 +146,7 @@ StudyQuantity read_quantity(SceneTable& table, StudyMode mode) {
     if (table.has("at_most")) quantity.at_most = table.number("at_most");
     if (table.has("at_least")) quantity.at_least = table.number("at_least");
     quantity.tolerance = table.number_or("tolerance", 0.1, Range::positive());
-    quantity.lie = table.number_or("lie", 1.0, Range::positive());
+    quantity.lie = table.number_or("lie", quantity.tolerance, Range::positive());
     if (quantity.finest) table.problem("finest", "a stability study has no ladder; give another reference");
     if (quantity.lie < quantity.tolerance) table.problem("lie", "is smaller than `tolerance`");
   }

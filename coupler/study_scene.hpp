@@ -35,7 +35,7 @@ struct StudyQuantity {
   std::optional<double> scale;              // what an error is divided by; the reference's size when absent
   std::optional<double> at_most, at_least;  // stability: beyond this a run counts as inaccurate
   double tolerance = 0;                     // stability: largest error of a run that counts as stable
-  double lie = 1;                           // stability: error above which a run may not end as done
+  double lie = 0.1;  // stability: error above which a run may not end without a warning
   std::string source;
 };
 

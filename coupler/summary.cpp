@@ -145,6 +145,7 @@ void write_summary(const std::filesystem::path& folder, const CheckedScene& scen
         {"recovery_s", finite_or_null(end.recovery_s)},
         {"resumed_after_window", end.resumed_from ? Json(*end.resumed_from) : Json(nullptr)}}},
       {"left_out", scene.left_out},
+      {"warnings", scene.warnings},
       {"watch", watches_json(record)},
       {"checks", checks_json(checks)}};
   const auto path = folder / "summary.json";

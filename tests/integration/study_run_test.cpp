@@ -147,7 +147,7 @@ TEST_F(StudyRun, BisectsTheLimitOfTheUnrelaxedIteration) {
               AllOf(HasSubstr("data:image/svg"), HasSubstr("None.")));
 }
 
-TEST_F(StudyRun, ListsARunThatIsWrongAndEndsAsDone) {
+TEST_F(StudyRun, ListsARunThatIsWrongWithoutAWarning) {
   const Finished finished = study(
       "mode = \"stability\"\n[[vary]]\nfluid.slope = [0.1, 0.2]\n[[vary]]\nsolid.stiffness = [1.0, 2.0]\n"
       "[[quantity]]\nname = \"tip.displacement\"\nexact = \"fluid_slope < 0.15 ? 1000 : 3 / (solid_stiffness "

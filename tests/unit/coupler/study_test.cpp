@@ -244,7 +244,7 @@ TEST(StabilityVerdict, NamesTheSymptomAndItsTime) {
   EXPECT_EQ(verdict(result, {}).kind, StabilityClass::stalled);
 }
 
-TEST(StabilityVerdict, AWrongRunThatEndsAsDoneIsALie) {
+TEST(StabilityVerdict, AWrongRunWithoutAWarningIsALie) {
   StudyQuantity quantity = quantity_named("tip.x", 1.0);
   quantity.tolerance = 0.05;
   quantity.lie = 0.5;
@@ -255,7 +255,10 @@ TEST(StabilityVerdict, AWrongRunThatEndsAsDoneIsALie) {
   all.results[0].quantities[0].error = 0.7;
   EXPECT_TRUE(verdict(all.results[0], quantity).lie);
   all.results[0].status = "check failed";
-  EXPECT_FALSE(verdict(all.results[0], quantity).lie) << "the scene's own check said so";
+  EXPECT_TRUE(verdict(all.results[0], quantity).lie)
+      << "that check is about the scene without the study's settings";
+  all.results[0].warnings = {"relaxation time 0.5001"};
+  EXPECT_FALSE(verdict(all.results[0], quantity).lie);
   all.results[1].quantities[0].value = NAN;
   EXPECT_TRUE(verdict(all.results[1], quantity).lie);
 }
@@ -263,9 +266,12 @@ TEST(StabilityVerdict, AWrongRunThatEndsAsDoneIsALie) {
 TEST(StabilityVerdict, BoundsCountLikeReferences) {
   StudyQuantity quantity = quantity_named("tip.x", {});
   quantity.at_most = 1.0;
+  quantity.lie = 0.2;
   auto all = two_results();
   EXPECT_EQ(verdict(all.results[0], quantity).kind, StabilityClass::inaccurate);
   EXPECT_FALSE(verdict(all.results[0], quantity).lie);
+  quantity.lie = 0.05;
+  EXPECT_TRUE(verdict(all.results[0], quantity).lie) << "beyond by a tenth of the bound";
   quantity.at_most = 2.0;
   EXPECT_EQ(verdict(all.results[0], quantity).kind, StabilityClass::stable);
   quantity.at_least = 1.2;
