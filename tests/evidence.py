@@ -1,12 +1,13 @@
 #!/usr/bin/python3
 """Runs what the READMEs say was measured, keeps its figures in configs/studies/evidence and makes the READMEs' tables anew.
 
-    tests/evidence.py [--gallery] [--retime] [--all | STUDY...]
+    tests/evidence.py [--retime] [--scenes] [--studies] [NAME...]
 
-A STUDY is the name of a file of configs/studies. It fails when an error grew against the figures kept before, when less
-is stable, or when a run is wrong and yet ended as done; its old figures are then left as they are. --retime runs again what
-is known, for the times of a machine that is free now. --gallery runs the scenes of configs/gallery.toml, makes their small
-pictures and fails when one of them fails its checks. Runs are kept in results/ and not repeated while nothing changes.
+A NAME is that of a study, as in configs/studies/cavity.toml, or of a scene with its folder, as in fluid/cavity-100. A study fails
+when an error grew against the figures kept before, when less is stable, or when a run is wrong without a warning; its old
+figures are then left as they are. A scene fails when one of its checks does not hold, and this is kept, too. --scenes and
+--studies: all of them. --retime runs studies again though they are known, for the times of a machine that is free now. Scenes of
+configs/gallery.toml also get their small picture. Runs are kept in results/; those of studies are not repeated while nothing changes.
 Package: python3-vtk9, for the small pictures.
 """
 import argparse
@@ -25,6 +26,9 @@ EVIDENCE = ROOT / "configs" / "studies" / "evidence"
 COUPLER = pathlib.Path(os.environ.get("ESTUARY_PROGRAMS", ROOT / "build" / "bin")) / "coupler"
 RESULTS = pathlib.Path(os.environ.get("ESTUARY_RESULTS", ROOT / "results"))
 PICTURE_WIDTH = 360
+SCENE_COLUMNS = ["scene", "check", "quantity", "value", "reference", "at_least", "at_most", "tolerance", "absolute", "holds",
+                 "status", "iterations", "wall_s", "processor_s"]
+NO_CHECK = {"quantity": "", "value": None, "reference": None, "tolerance": None, "absolute": False}
 
 
 def run_study(name, retime):
@@ -80,78 +84,84 @@ def make_small(picture, small, part):
     writer.Write()
 
 
-def run_scene(entry):
-    """The row of gallery.csv, or nothing when the scene failed."""
-    out = RESULTS / "gallery" / pathlib.Path(entry["scene"]).stem
+def run_scene(name):
+    """Whether all checks of the scene hold. What it came to replaces its rows in scenes.csv."""
+    out = RESULTS / "scenes" / name
+    shutil.rmtree(out, ignore_errors=True)  # nothing of an earlier run may be taken for this one's
     before = resource.getrusage(resource.RUSAGE_CHILDREN)
-    status = subprocess.run([COUPLER, "run", f"configs/{entry['scene']}.toml", "--out", out], cwd=ROOT).returncode
+    status = subprocess.run([COUPLER, "run", f"configs/{name}.toml", "--out", out], cwd=ROOT).returncode
     after = resource.getrusage(resource.RUSAGE_CHILDREN)
-    if status != 0:
-        return None
-    return scene_row(entry, out, after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime)
-
-
-def scene_row(entry, out, processor_s):
+    if not (out / "summary.json").exists():
+        return False
     with open(out / "summary.json", encoding="utf-8") as file:
         summary = json.load(file)
-    check = next(c for c in summary["checks"] if c["quantity"] == entry["quantity"])
-    value, reference = check["value"], check.get("reference")
-    error = (value - reference) / abs(reference) if reference else ""
-    if error and reference < 0:
-        error = -error  # larger in size is +
-    pictures = EVIDENCE / "gallery"
-    pictures.mkdir(parents=True, exist_ok=True)
-    make_small(out / "report" / entry["picture"], pictures / (pathlib.Path(entry["scene"]).stem + ".jpg"),
-               entry.get("part", [0, 0, 1, 1]))
-    return {"scene": entry["scene"], "quantity": entry["quantity"], "value": f"{value:.6g}",
-            "reference": "" if reference is None else f"{reference:.6g}", "error": f"{error:.6g}" if error != "" else "",
-            "wall_s": f"{summary['wall_s']:.4g}", "processor_s": f"{processor_s:.4g}"}
+    keep_scene(name, summary, after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime)
+    for entry in gallery():
+        if entry["scene"] == name:
+            pictures = EVIDENCE / "gallery"
+            pictures.mkdir(parents=True, exist_ok=True)
+            make_small(out / "report" / entry["picture"], pictures / (pathlib.Path(name).stem + ".jpg"),
+                       entry.get("part", [0, 0, 1, 1]))
+    return status == 0
 
 
-def run_gallery():
+def gallery():
     with open(ROOT / "configs" / "gallery.toml", "rb") as file:
-        entries = tomllib.load(file)["scene"]
+        return tomllib.load(file)["scene"]
+
+
+def keep_scene(name, summary, processor_s):
+    """Writes one row for each [[check]], in their order."""
     rows = {}
-    kept = EVIDENCE / "gallery.csv"
+    kept = EVIDENCE / "scenes.csv"
     if kept.exists():
         with open(kept, newline="", encoding="utf-8") as file:
-            rows = {row["scene"]: row for row in csv.DictReader(file)}
-    failed = []
-    for entry in entries:
-        row = run_scene(entry)
-        if row is None:
-            failed.append(entry["scene"])
-        else:
-            rows[entry["scene"]] = row
-    write_gallery([rows[entry["scene"]] for entry in entries if entry["scene"] in rows])
-    return failed
-
-
-def write_gallery(rows):
-    with open(EVIDENCE / "gallery.csv", "w", newline="", encoding="utf-8") as file:
-        writer = csv.DictWriter(file, rows[0].keys(), lineterminator="\n")
+            for row in csv.DictReader(file):
+                rows.setdefault(row["scene"], []).append(row)
+    checks = summary["checks"] or [NO_CHECK | {"pass": summary["status"] == "done"}]
+    rows[name] = [check_row(name, summary, number, check, processor_s) for number, check in enumerate(checks)]
+    there = set(scene_names())
+    with open(kept, "w", newline="", encoding="utf-8") as file:
+        writer = csv.DictWriter(file, SCENE_COLUMNS, lineterminator="\n")
         writer.writeheader()
-        writer.writerows(rows)
+        for scene in sorted(rows):
+            if scene in there:
+                writer.writerows(rows[scene])
+
+
+def check_row(name, summary, number, check, processor_s):
+    def figure(value, digits=6):
+        return "" if value is None else f"{value:.{digits}g}"
+
+    return {"scene": name, "check": number, "quantity": check["quantity"], "value": figure(check["value"]),
+            "reference": figure(check["reference"]), "at_least": figure(check.get("at_least")),
+            "at_most": figure(check.get("at_most")), "tolerance": figure(check["tolerance"]),
+            "absolute": int(check["absolute"]), "holds": int(check["pass"]), "status": summary["status"],
+            "iterations": figure(summary["iterations"]["mean"], 4), "wall_s": figure(summary["wall_s"], 4),
+            "processor_s": figure(processor_s, 4)}
+
+
+def scene_names():
+    return sorted(f"{p.parent.name}/{p.stem}" for p in (ROOT / "configs").glob("*/*.toml") if p.parent.name != "studies")
 
 
 def main():
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("studies", nargs="*", metavar="STUDY")
-    parser.add_argument("--all", action="store_true")
-    parser.add_argument("--gallery", action="store_true")
+    parser.add_argument("names", nargs="*", metavar="NAME")
+    parser.add_argument("--scenes", action="store_true")
+    parser.add_argument("--studies", action="store_true")
     parser.add_argument("--retime", action="store_true")
     options = parser.parse_args()
-    names = sorted(p.stem for p in (ROOT / "configs" / "studies").glob("*.toml"))
-    for name in options.studies:
-        if name not in names:
-            parser.error(f"there is no configs/studies/{name}.toml; there are {', '.join(names)}")
-    if options.studies and options.all:
-        parser.error("--all, or some by name")
-    if not (options.studies or options.all or options.gallery):
-        parser.error("nothing to run: --all, --gallery or the names of studies")
-    failed = [name for name in (names if options.all else options.studies) if not run_study(name, options.retime)]
-    if options.gallery:
-        failed += run_gallery()
+    studies = sorted(p.stem for p in (ROOT / "configs" / "studies").glob("*.toml"))
+    scenes = scene_names()
+    for name in options.names:
+        if name not in studies + scenes:
+            known = scenes if "/" in name else studies
+            parser.error(f"there is no {name} in configs; there are {', '.join(known)}")
+    names = options.names + (scenes if options.scenes else []) + (studies if options.studies else [])
+    if not names:
+        parser.error("nothing to run: --scenes, --studies, or names of them")
+    failed = [name for name in names if not (run_scene(name) if "/" in name else run_study(name, options.retime))]
     if subprocess.run([sys.executable, ROOT / "tests" / "readme_tables.py"]).returncode != 0:
         failed.append("the READMEs' tables")
     for name in failed:

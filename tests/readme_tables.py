@@ -8,6 +8,8 @@ In any Markdown file of the repository, what stands between a line like one of t
     <!-- study: NAME -->          results of configs/studies/NAME.toml and their picture
     <!-- costs: NAME NAME ... --> cheapest settings below 5, 2, 1 and 0.3 % of some studies, one line each
     <!-- maps: NAME NAME ... -->  what the runs of some maps of stability came to, one line each
+    <!-- scenes: FOLDER -->       every check of the scenes of configs/FOLDER
+    <!-- checks -->               how many checks of each folder hold, and those that do not
     <!-- gallery -->              the scenes of configs/gallery.toml with their pictures
 
 The figures are those of configs/studies/evidence/*.csv, which tests/evidence.py refreshes. --check changes nothing and
@@ -25,7 +27,7 @@ import tomllib
 ROOT = pathlib.Path(__file__).resolve().parents[1]
 STUDIES = ROOT / "configs" / "studies"
 EVIDENCE = STUDIES / "evidence"
-BLOCK = re.compile(r"(<!-- (study|costs|maps|gallery)(?:: ([\w \-]+?))? -->\n)(.*?)(<!-- end -->)", re.DOTALL)
+BLOCK = re.compile(r"(<!-- (study|costs|maps|scenes|checks|gallery)(?:: ([\w \-]+?))? -->\n)(.*?)(<!-- end -->)", re.DOTALL)
 LIMITS = (0.05, 0.02, 0.01, 0.003)
 MUCH_SCATTER = 0.25  # of repeats, relative to their median
 
@@ -240,7 +242,7 @@ def study_block(names, page):
         text = table_of_limits(study) if "bisect" in study.scene else table_of_classes(study)
         kinds, lies = counts(study)
         notes.append(f"{len(study.rows)} runs: " + ", ".join(f"{count} {kind}" for kind, count in kinds.items())
-                     + f"; {lies or 'none'} wrong and yet ended as done.")
+                     + f"; {lies or 'none'} wrong without a warning.")
     else:
         text = table_of_rows(study) if len(study.axes) == 1 else table_of_lines(study)
         notes = footnotes(study)
@@ -274,7 +276,7 @@ def costs_block(names, page):
 
 def maps_block(names, page):
     kinds = ("stable", "inaccurate", "stalled", "diverged", "lost", "refused")
-    text = heading(["map", "runs"] + list(kinds) + ["wrong, yet ended as done"])
+    text = heading(["map", "runs"] + list(kinds) + ["wrong without a warning"])
     for name in filter(was_run, names):
         study = Study(name)
         found, lies = counts(study)
@@ -283,32 +285,100 @@ def maps_block(names, page):
     return text
 
 
+def scene_rows():
+    """The rows of scenes.csv of each scene that is still there."""
+    found = {}
+    with open(EVIDENCE / "scenes.csv", newline="", encoding="utf-8") as file:
+        for entry in csv.DictReader(file):
+            if (ROOT / "configs" / f"{entry['scene']}.toml").exists():
+                found.setdefault(entry["scene"], []).append(entry)
+    return found
+
+
+def signed_error(entry):
+    """Relative, larger in size is +; not a number where there is no reference or it is nothing."""
+    value, reference = number(entry["value"]), number(entry["reference"])
+    return (value - reference) / abs(reference) * (-1 if reference < 0 else 1) if reference else math.nan
+
+
+def scene_time(entry):
+    loaded = waited(entry)
+    return seconds(number(entry["processor_s" if loaded else "wall_s"])) + ("†" if loaded else "")
+
+
+def reference_text(entry):
+    bounds = [f"{sign} {number(entry[name]):.5g}" for sign, name in (("at least", "at_least"), ("at most", "at_most")) if entry[name]]
+    return ", ".join(([f"{number(entry['reference']):.5g}"] if entry["reference"] else []) + bounds)
+
+
+def deviation_text(entry):
+    value, reference, allowed = number(entry["value"]), number(entry["reference"]), number(entry["tolerance"])
+    if not math.isfinite(value):
+        return (entry["status"] if entry["quantity"] else "no check"), ""
+    if not entry["reference"]:
+        return "within" if entry["holds"] == "1" else "outside", ""
+    if entry["absolute"] == "1" or reference == 0:
+        return f"{value - reference:+.2g}", f"{allowed:.2g}"
+    return percent(signed_error(entry), "+"), percent(allowed)
+
+
+def scenes_block(names, page):
+    text = heading(["scene", "quantity", "here", "reference", "source of the reference", "error", "allowed", "run time"])
+    loaded = False
+    for scene, entries in scene_rows().items():
+        if scene.split("/")[0] not in names:
+            continue
+        with open(ROOT / "configs" / f"{scene}.toml", "rb") as file:
+            checks = tomllib.load(file).get("check", [])
+        for entry in entries:
+            first = entry is entries[0]
+            source = next((c.get("source", "") for c in checks[int(entry["check"]):][:1] if c["quantity"] == entry["quantity"]), "")
+            error, allowed = deviation_text(entry)
+            loaded |= first and waited(entry)
+            text += row([f"[{scene.split('/')[1]}]({os.path.relpath(ROOT / 'configs' / f'{scene}.toml', page.parent)})" if first else "",
+                         entry["quantity"], f"{number(entry['value']):.5g}" if entry["value"] else "", reference_text(entry), source,
+                         error if entry["holds"] == "1" else f"**{error}**", allowed, scene_time(entry) if first else ""])
+    return text + "\nBold: the check does not hold." + (" † of the processors: the machine had other work." if loaded else "") + "\n"
+
+
+def checks_block(_, page):
+    folders = {}
+    for scene, entries in scene_rows().items():
+        folders.setdefault(scene.split("/")[0], {})[scene] = entries
+    text = heading(["configs/", "scenes", "checks", "hold", "time of the processors", "do not hold"])
+    for folder, scenes in folders.items():
+        checks = [entry for entries in scenes.values() for entry in entries if entry["quantity"] or entry["holds"] != "1"]
+        broken = [f"{entry['scene'].split('/')[1]} `{entry['quantity']}` {deviation_text(entry)[0]}" for entry in checks if entry["holds"] != "1"]
+        spent = sum(number(entries[0]["processor_s"]) for entries in scenes.values())
+        text += row([f"[{folder}]({os.path.relpath(ROOT / 'configs' / 'README.md', page.parent)}#{folder})", len(scenes), len(checks),
+                     len(checks) - len(broken), seconds(spent), "; ".join(broken)])
+    return text
+
+
 def gallery_block(_, page):
     with open(ROOT / "configs" / "gallery.toml", "rb") as file:
         entries = tomllib.load(file)["scene"]
-    with open(EVIDENCE / "gallery.csv", newline="", encoding="utf-8") as file:
-        measured = {entry["scene"]: entry for entry in csv.DictReader(file)}
+    measured = scene_rows()
     text = heading(["", "scene", "error", "run time"])
     busy = False
     for entry in entries:
-        found = measured.get(entry["scene"])
+        found = next((e for e in measured.get(entry["scene"], []) if e["quantity"] == entry["quantity"]), None)
         if found is None:
             continue  # not run yet
         picture = EVIDENCE / "gallery" / (pathlib.Path(entry["scene"]).stem + ".jpg")
-        error = number(found["error"])
+        error = signed_error(found)
         result = percent(error, "+")
         if not math.isfinite(error):
             result = f"{number(found['value']) * entry.get('scale', 1):.3g} {entry['unit']}"
-        what = f"{entry['what']}: {result}"
-        loaded = waited(found)
-        busy |= loaded
-        time = seconds(number(found["processor_s" if loaded else "wall_s"])) + ("†" if loaded else "")
+        busy |= waited(found)
         text += row([f"![{entry['title']}]({os.path.relpath(picture, page.parent)})",
-                     f"**{entry['title']}**. {entry['text']}<br>`./run configs/{entry['scene']}.toml`", what, time])
+                     f"**{entry['title']}**. {entry['text']}<br>`./run configs/{entry['scene']}.toml`", f"{entry['what']}: {result}",
+                     scene_time(found)])
     return text + ("\n† of the processors: the machine had other work.\n" if busy else "")
 
 
-BLOCKS = {"study": study_block, "costs": costs_block, "maps": maps_block, "gallery": gallery_block}
+BLOCKS = {"study": study_block, "costs": costs_block, "maps": maps_block, "scenes": scenes_block, "checks": checks_block,
+          "gallery": gallery_block}
 
 
 def main():
