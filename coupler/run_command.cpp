@@ -1,17 +1,13 @@
 #include "run_command.hpp"
 
-#include <fcntl.h>
 #include <fmt/format.h>
 #include <spdlog/sinks/basic_file_sink.h>
 #include <spdlog/spdlog.h>
-#include <sys/file.h>
 #include <unistd.h>
 
 #include <algorithm>
-#include <cerrno>
 #include <chrono>
 #include <cstdio>
-#include <cstring>
 #include <fstream>
 #include <memory>
 #include <optional>
@@ -20,6 +16,7 @@
 #include "checks.hpp"
 #include "coupling_loop.hpp"
 #include "elapsed.hpp"
+#include "folder_lock.hpp"
 #include "participants.hpp"
 #include "progress_bar.hpp"
 #include "report.hpp"
@@ -115,27 +112,6 @@ void warn_of_insecurity() {
       terminal ? "\033[1;31m" : "", terminal ? "\033[0m" : "");
 }
 
-// Holds the folder for this run alone.
-class FolderLock {
-public:
-  explicit FolderLock(const std::filesystem::path& folder) {
-    const auto path = folder / "run.lock";
-    descriptor_ = ::open(path.c_str(), O_CREAT | O_RDWR | O_CLOEXEC, 0644);
-    if (descriptor_ < 0)
-      throw std::runtime_error(fmt::format("cannot write {}: {}", path.string(), std::strerror(errno)));
-    if (::flock(descriptor_, LOCK_EX | LOCK_NB) == 0) return;
-    ::close(descriptor_);
-    throw std::runtime_error(
-        fmt::format("another run writes into {}; give another folder with --out", folder.string()));
-  }
-  FolderLock(const FolderLock&) = delete;
-  FolderLock& operator=(const FolderLock&) = delete;
-  ~FolderLock() { ::close(descriptor_); }
-
-private:
-  int descriptor_ = -1;
-};
-
 // One run: from the launch to the last window, with as many new beginnings as losses allow.
 class Run {
 public:
@@ -147,7 +123,7 @@ public:
         report_(report),
         bar_(scene.coupling),
         checkpoints_(scene.coupling, folder, scene.resumable) {
-    lock_.emplace(made(folder));
+    lock_.emplace(made(folder), FolderLock::Kind::alone, "run");
     std::vector<std::string> news;
     if (resume) sets_ = checkpoints_.usable([&](const std::string& line) { news.push_back(line); });
     // What was asked for is gone on with; what somebody may still want is not thrown away.
@@ -352,7 +328,7 @@ private:
   const CheckedScene& scene_;
   std::filesystem::path folder_;
   const std::atomic<int>& interrupts_;
-  const bool report_;  // a page at the end
+  const bool report_;                                     // a page at the end
   steady_clock::time_point begin_ = steady_clock::now();  // less what it took before it was resumed
   ProgressBar bar_;
   Checkpoints checkpoints_;

@@ -3,10 +3,12 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <filesystem>
 #include <iterator>
 #include <mutex>
 #include <utility>
 
+#include "folder_lock.hpp"
 #include "slurm_array.hpp"
 #include "stability_page.hpp"
 #include "study_page.hpp"
@@ -161,6 +163,11 @@ ExitStatus run_study(const StudyOptions& given, const std::atomic<int>& interrup
   if (!study) return ExitStatus::wrong_scene;
   StudyOptions options = given;
   if (options.folder.empty()) options.folder = std::filesystem::path("runs") / options.study.stem();
+  std::filesystem::create_directories(options.folder);
+  // Tasks of a job array begin while the one that submits them still stands.
+  const bool beside = options.cell || options.slurm || options.collect;
+  const FolderLock lock(options.folder, beside ? FolderLock::Kind::together : FolderLock::Kind::alone,
+                        "study");
   const StudyStore store(options.folder, *study);
   const StudyRunner runner(store, {.jobs = options.jobs, .timeout_s = study->timeout_s}, interrupt, say);
   std::size_t tasks = 1;

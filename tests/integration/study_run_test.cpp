@@ -10,6 +10,7 @@
 #include <thread>
 
 #include "coupler_run.hpp"
+#include "folder_lock.hpp"
 #include "study_table.hpp"
 #include "whole_file.hpp"
 
@@ -17,6 +18,7 @@ namespace {
 
 using estuary::coupler::ChildProcess;
 using estuary::coupler::Finished;
+using estuary::coupler::FolderLock;
 using estuary::coupler::read_csv_rows;
 using estuary::coupler::read_whole;
 using estuary::coupler::run_program;
@@ -158,6 +160,14 @@ TEST_F(StudyRun, ListsARunThatIsWrongWithoutAWarning) {
   const auto table = rows();
   EXPECT_EQ(table[0].at("lie"), "1");
   EXPECT_EQ(table[1].at("class"), "stable");
+}
+
+TEST_F(StudyRun, TwoStudiesDoNotShareAFolder) {
+  std::filesystem::create_directories(folder_ / "out");
+  const FolderLock other(folder_ / "out", FolderLock::Kind::alone, "study");
+  const Finished finished = study("[[vary]]\nsolid.stiffness = [1.0, 2.0]\n");
+  EXPECT_NE(finished.status, 0);
+  EXPECT_THAT(finished.errors, HasSubstr("another study writes into"));
 }
 
 TEST_F(StudyRun, InterruptedItKeepsItsCellsAndGoesOnLater) {
