@@ -20,6 +20,10 @@ void accelerate(Acceleration& acceleration, InterfaceState& x, const InterfaceSt
                 bool moves, bool with_forces) {
   std::vector<double> iterate;
   std::vector<double> residual;
+  const std::size_t size = answer.motion.displacement.size() + (moves ? answer.motion.velocity.size() : 0) +
+                           (with_forces ? answer.forces.size() : 0);
+  iterate.reserve(size);
+  residual.reserve(size);
   const auto take = [&](const std::vector<double>& from, const std::vector<double>& to, double scale) {
     for (std::size_t i = 0; i < from.size(); ++i) {
       iterate.push_back(scale * from[i]);

@@ -4,6 +4,7 @@
 #include <cmath>
 #include <numeric>
 #include <stdexcept>
+#include <utility>
 
 namespace estuary::coupler {
 namespace {
@@ -64,23 +65,42 @@ void ResidualSum::add(std::span<const double> residual) {
   }
 }
 
-void ColumnPairs::push_front(std::vector<double> residual_change, std::vector<double> answer_change) {
-  const auto multiply = [this](const std::vector<double>& a, const std::vector<double>& b) {
-    std::vector<double> products(fields_.size());
-    std::size_t begin = 0;
-    for (std::size_t k = 0; k < fields_.size(); ++k) {
-      const auto n = static_cast<Eigen::Index>(fields_[k]);
-      products[k] = Eigen::Map<const Eigen::VectorXd>(a.data() + begin, n)
-                        .dot(Eigen::Map<const Eigen::VectorXd>(b.data() + begin, n));
-      begin += fields_[k];
+// A column comes from memory, what it is multiplied with stays in the cache: one pass for all.
+template <std::size_t Count>
+void ColumnPairs::multiply(const std::vector<double>& column,
+                           const std::array<std::span<const double>, Count>& others,
+                           const std::array<std::vector<double>*, Count>& products) const {
+  constexpr std::size_t piece = 1024;
+  for (std::vector<double>* product : products) product->assign(fields_.size(), 0.0);
+  std::size_t begin = 0;
+  for (std::size_t field = 0; field < fields_.size(); ++field) {
+    const std::size_t end = begin + fields_[field];
+    for (; begin < end; begin += piece) {
+      const auto length = static_cast<Eigen::Index>(std::min(piece, end - begin));
+      const Eigen::Map<const Eigen::VectorXd> values(column.data() + begin, length);
+      for (std::size_t k = 0; k < Count; ++k)
+        (*products[k])[field] +=
+            values.dot(Eigen::Map<const Eigen::VectorXd>(others[k].data() + begin, length));
     }
-    return products;
+    begin = end;
+  }
+}
+
+void ColumnPairs::push_front(std::vector<double> residual_change, std::vector<double> answer_change,
+                             std::span<const double> right) {
+  Pair pair{std::move(residual_change), std::move(answer_change), {}, {}};
+  const std::span<const double> change = pair.residual_change;
+  const auto multiply_with = [&](Pair& other) {
+    multiply<2>(other.residual_change, {change, right}, {&pair.products.emplace_back(), &other.projection});
   };
-  Pair pair{std::move(residual_change), std::move(answer_change), {}};
-  pair.products.push_back(multiply(pair.residual_change, pair.residual_change));
-  for (const Pair& older : pairs_)
-    pair.products.push_back(multiply(pair.residual_change, older.residual_change));
+  multiply_with(pair);
+  for (Pair& older : pairs_) multiply_with(older);
   pairs_.push_front(std::move(pair));
+  projected_ = true;
+}
+
+void ColumnPairs::project(std::span<const double> right) {
+  for (Pair& pair : pairs_) multiply<1>(pair.residual_change, {right}, {&pair.projection});
 }
 
 void ColumnPairs::resize(std::size_t count) {
@@ -137,8 +157,9 @@ std::vector<std::size_t> ColumnPairs::choose(const QuasiNewtonSettings& settings
 
 std::size_t ColumnPairs::apply(std::span<double> right, std::span<double> answer,
                                const std::vector<double>& weights, const QuasiNewtonSettings& settings,
-                               double smallest, Rest rest) const {
+                               double smallest, Rest rest) {
   if (pairs_.empty()) return 0;
+  if (!std::exchange(projected_, false)) project(right);
   Eigen::MatrixXd triangle;
   std::vector<std::size_t> chosen;
   if (settings.filter == ColumnFilter::qr3) {
@@ -153,17 +174,10 @@ std::size_t ColumnPairs::apply(std::span<double> right, std::span<double> answer
   if (count == 0) return 0;
   Eigen::VectorXd projected(count);
   for (Eigen::Index k = 0; k < count; ++k) {
-    const auto& column = pairs_[chosen[static_cast<std::size_t>(k)]].residual_change;
-    double sum = 0;
-    std::size_t begin = 0;
-    for (std::size_t field = 0; field < fields_.size(); ++field) {
-      const auto n = static_cast<Eigen::Index>(fields_[field]);
-      sum += weights[field] * weights[field] *
-             Eigen::Map<const Eigen::VectorXd>(column.data() + begin, n)
-                 .dot(Eigen::Map<const Eigen::VectorXd>(right.data() + begin, n));
-      begin += fields_[field];
-    }
-    projected[k] = sum;
+    const auto& projection = pairs_[chosen[static_cast<std::size_t>(k)]].projection;
+    projected[k] = 0;
+    for (std::size_t field = 0; field < fields_.size(); ++field)
+      projected[k] += weights[field] * weights[field] * projection[field];
   }
   const auto lower = triangle.topLeftCorner(count, count).triangularView<Eigen::Lower>();
   lower.solveInPlace(projected);
@@ -236,17 +250,19 @@ void QuasiNewton::update(std::span<const double> residual, std::span<double> ite
   if (problems_.empty()) problems_.emplace_front(fields);
   if (problems_.front().count() == 0) problems_.front() = ColumnPairs(fields);
   std::vector<double> answer = answer_of(residual, iterate);
-  if (!last_residual_.empty())
-    problems_.front().push_front(difference(residual, last_residual_), difference(answer, last_answer_));
+  std::vector<double> right(residual.size());
+  for (std::size_t i = 0; i < right.size(); ++i) right[i] = -residual[i];
+  if (!last_residual_.empty()) {
+    problems_.front().push_front(difference(residual, last_residual_), difference(answer, last_answer_),
+                                 right);
+  }
   last_residual_.assign(residual.begin(), residual.end());
   last_answer_ = answer;
   weights_.add(residual);
 
-  std::vector<double> right(residual.size());
-  for (std::size_t i = 0; i < right.size(); ++i) right[i] = -residual[i];
   const double smallest = round_off * norm_of(last_answer_);
   columns_used_ = 0;
-  for (const ColumnPairs& problem : problems_) {
+  for (ColumnPairs& problem : problems_) {
     const bool last = &problem == &problems_.back() && settings_.remainder == 1;
     columns_used_ += problem.apply(right, answer, weights_.weights(), settings_, smallest,
                                    last ? ColumnPairs::Rest::unused : ColumnPairs::Rest::needed);

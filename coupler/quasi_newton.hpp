@@ -6,6 +6,7 @@
 #pragma once
 
 #include <Eigen/Dense>
+#include <array>
 #include <cstddef>
 #include <deque>
 #include <span>
@@ -47,13 +48,15 @@ private:
 };
 
 /// Columns of V and W, newest first, and the least-squares problem over them. Products of columns are kept,
-/// field by field, so that a new column costs one pass over the others and new weights cost nothing. The
-/// normal equations are safe here because the filter bounds their condition.
+/// field by field, so that a new column and the right-hand side cost one pass over the others and new weights
+/// cost nothing. The normal equations are safe here because the filter bounds their condition.
 class ColumnPairs {
 public:
   explicit ColumnPairs(std::vector<std::size_t> fields) : fields_(std::move(fields)) {}
 
-  void push_front(std::vector<double> residual_change, std::vector<double> answer_change);
+  /// `right` is what the next call of `apply` will be given.
+  void push_front(std::vector<double> residual_change, std::vector<double> answer_change,
+                  std::span<const double> right);
   /// Drops the oldest.
   void resize(std::size_t count);
   [[nodiscard]] std::size_t count() const { return pairs_.size(); }
@@ -65,7 +68,7 @@ public:
   /// needed, subtracts V c from `right`. Columns below `smallest` in norm and those the filter drops take no
   /// part. Returns how many did.
   std::size_t apply(std::span<double> right, std::span<double> answer, const std::vector<double>& weights,
-                    const QuasiNewtonSettings& settings, double smallest, Rest rest) const;
+                    const QuasiNewtonSettings& settings, double smallest, Rest rest);
 
   void save(StateWriter& state) const;
   void load(StateReader& state);
@@ -76,7 +79,12 @@ private:
     std::vector<double> answer_change;
     // Product with every older pair and itself, newest of them first; per field.
     std::deque<std::vector<double>> products;
+    std::vector<double> projection;  // product with the right-hand side; per field
   };
+  template <std::size_t Count>
+  void multiply(const std::vector<double>& column, const std::array<std::span<const double>, Count>& others,
+                const std::array<std::vector<double>*, Count>& products) const;
+  void project(std::span<const double> right);
   void add_columns(const std::vector<std::size_t>& chosen, const Eigen::VectorXd& factors,
                    std::vector<double> Pair::*column, std::span<double> sum) const;
   [[nodiscard]] double product(std::size_t newer, std::size_t older,
@@ -87,6 +95,7 @@ private:
 
   std::vector<std::size_t> fields_;
   std::deque<Pair> pairs_;
+  bool projected_ = false;  // the projections are those of what comes next
 };
 
 /// What both methods do in an iteration: add the new columns to the first least-squares problem, then let
