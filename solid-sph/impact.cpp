@@ -202,6 +202,7 @@ void ImpactSolver::bend_shells(std::span<const double> displacement, bool commit
   if (!rows_) return;
   std::int64_t bad = rows_->evaluate(displacement, row_history_, commit && rows_->remembers(), fields_);
   if (commit && rows_->breakable() && rows_->break_links(row_history_) > 0) {
+    pinball_.tear(rows_->broken_links(row_history_));
     copy_fields();
     bad += rows_->evaluate(displacement, row_history_, false, fields_);
   }
@@ -447,10 +448,17 @@ void ImpactSolver::begin_window() {
   window_begins_ = true;
 }
 
-void ImpactSolver::advance(State& state, const Loading& loading, double duration, std::uint64_t steps,
+void ImpactSolver::advance(State& state, const Loading& given, double duration, std::uint64_t steps,
                            double damping, const Monitor& monitor) {
   const double dt = duration / static_cast<double>(steps), start = state.time;
   spread_history(state.history);
+  Loading kept;
+  if (rows_ && rows_->breakable()) {
+    pinball_.tear(rows_->broken_links(row_history_));
+    kept = given;
+    rows_->drop_broken(row_history_, kept);
+  }
+  const Loading& loading = rows_ && rows_->breakable() ? kept : given;
   if (std::exchange(window_begins_, false)) window_begin_ = start;
   const auto gravity_work = [&] {
     return ordered_sum(body_.size(), [&](std::size_t i) {
@@ -540,8 +548,10 @@ NamedValues ImpactSolver::totals(const State& state) const {
   NamedValues result{{"contact_time", state.contact_time}, {"contact_work", state.contact_work}};
   if (rows_ && rows_->breakable()) {
     const auto lost = rows_->losses(row_history_);
-    result.insert(result.end(),
-                  {{"broken_links", lost[0]}, {"isolated_particles", lost[1]}, {"isolated_mass", lost[2]}});
+    result.insert(result.end(), {{"broken_links", lost[0]},
+                                 {"isolated_particles", lost[1]},
+                                 {"isolated_mass", lost[2]},
+                                 {"rupture_energy", lost[3]}});
   }
   return result;
 }

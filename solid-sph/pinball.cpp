@@ -43,10 +43,19 @@ Pinball::Pinball(const Body& body, PinballSettings settings)
                            .member = member});
     for (const std::uint32_t i : outline.particle) carries[i] = 1;
   }
+  torn_.assign(segments_.size(), 0);
   for (std::uint32_t i = 0; i < body.size(); ++i)
     if (carries[i] != 0 || settings_.members[body.member[i]].fluid) points_.push_back(i);
   for (std::uint32_t r = 0; r < body.rigid.size(); ++r)
     for (std::uint32_t i = body.rigid[r].first; i < body.rigid[r].last; ++i) rigid_of_[i] = r;
+}
+
+void Pinball::tear(std::span<const std::array<std::uint32_t, 2>> pieces) {
+  torn_.assign(segments_.size(), 0);
+  for (std::size_t s = 0; s < segments_.size() && !pieces.empty(); ++s)
+    torn_[s] = std::any_of(pieces.begin(), pieces.end(), [&](const std::array<std::uint32_t, 2>& piece) {
+      return piece[0] == segments_[s].a && piece[1] == segments_[s].b;
+    });
 }
 
 bool Pinball::stale(std::span<const double> position) const {
@@ -166,6 +175,7 @@ void Pinball::meet(std::uint32_t point, std::size_t begin, std::size_t end, std:
   std::array<Behind, 16> behind;
   std::size_t count = 0;
   for (std::size_t k = begin; k < end; ++k) {
+    if (torn_[candidate_[k].segment] != 0) continue;
     const Segment& segment = segments_[candidate_[k].segment];
     const ContactMember& surface = settings_.members[segment.member];
     const double offset = surface.half_thickness + radius;
@@ -189,7 +199,8 @@ void Pinball::meet(std::uint32_t point, std::size_t begin, std::size_t end, std:
     }
     // A corner: the point is beyond the end of both of its pieces.
     const bool at_start = t < 0;
-    const std::uint32_t other = at_start ? segment.before : segment.after;
+    std::uint32_t other = at_start ? segment.before : segment.after;
+    if (other != kNone && torn_[other] != 0) other = kNone;
     double ox = 0, oy = 0;
     if (other != kNone) {
       const Segment& piece = segments_[other];

@@ -45,6 +45,9 @@ public:
   const std::vector<ContactRow>& find(std::span<const double> position, std::span<const double> rigid,
                                       double time_step);
   [[nodiscard]] std::vector<ContactRow>& rows() { return rows_; }
+  /// Surfaces without these pieces, each given by its two particles in the order of its contour: there a body
+  /// is torn, and what comes passes through.
+  void tear(std::span<const std::array<std::uint32_t, 2>> pieces);
   /// Pairs now in the list of candidates.
   [[nodiscard]] std::size_t candidates() const { return candidate_.size(); }
 
@@ -72,6 +75,7 @@ private:
   PinballSettings settings_;
   double spacing_;
   std::vector<Segment> segments_;
+  std::vector<std::uint8_t> torn_;       // of every segment
   std::vector<std::uint32_t> points_;    // particles that carry balls
   std::vector<std::uint32_t> rigid_of_;  // of every particle; kNone when it is free
   std::vector<Candidate> candidate_;     // in the order of points_

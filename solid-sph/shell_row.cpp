@@ -303,6 +303,13 @@ std::size_t ShellRow::break_links(std::span<double> history) {
   return chosen.size();
 }
 
+std::vector<std::array<std::uint32_t, 2>> ShellRow::broken_links(std::span<const double> history) const {
+  std::vector<std::array<std::uint32_t, 2>> result;
+  for (std::size_t l = 0; l < links_.size(); ++l)
+    if (broken(history, l)) result.push_back({particle_[links_[l].a], particle_[links_[l].b]});
+  return result;
+}
+
 void ShellRow::drop_broken(std::span<const double> history, Loading& loading) const {
   const auto gone = [&](const std::array<std::uint32_t, 2>& segment) {
     const std::uint32_t a = local_[segment[0]], b = local_[segment[1]];

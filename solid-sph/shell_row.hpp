@@ -49,6 +49,8 @@ public:
   /// Breaks links of the state last evaluated that are past a limit, the worst of each group of neighbours.
   /// Returns how many.
   std::size_t break_links(std::span<double> history);
+  /// The particles at both ends of every broken link.
+  [[nodiscard]] std::vector<std::array<std::uint32_t, 2>> broken_links(std::span<const double> history) const;
   /// Takes pressures and tractions on broken links out.
   void drop_broken(std::span<const double> history, Loading& loading) const;
 
