@@ -7,6 +7,7 @@
 
 #include "consistent_gradient.hpp"
 #include "kernel_function.hpp"
+#include "moving_least_squares.hpp"
 
 namespace estuary::solid {
 
@@ -60,6 +61,11 @@ namespace {
 // adds about one ring of particles until it can.
 constexpr std::array kWidening{1.0, 1.4, 1.85};
 
+std::string at_particle(const Body& body, std::size_t i) {
+  return "particle " + std::to_string(i) + " at (" + std::to_string(body.position[2 * i]) + ", " +
+         std::to_string(body.position[2 * i + 1]) + "): ";
+}
+
 GradientRow gradient_row(const Body& body, const ReferenceSearch& search, std::size_t i, Order order,
                          Kernel kernel) {
   GradientRow row;
@@ -95,14 +101,26 @@ GradientRow gradient_row(const Body& body, const ReferenceSearch& search, std::s
       }
       return candidate;
     }
+    if (order == Order::mls_linear || order == Order::mls_quadratic) {
+      offsets.insert(offsets.begin(), Offset{});
+      try {
+        const ShapeFunctions shape =
+            moving_least_squares(offsets, kernel, h / scale, order == Order::mls_linear ? 1 : 2);
+        for (std::size_t k = 1; k < offsets.size(); ++k)
+          candidate.gradient.push_back({shape.gradient[k][0] / scale, shape.gradient[k][1] / scale});
+      } catch (const std::domain_error&) {
+        if (widening != kWidening.back()) continue;
+        throw std::domain_error(at_particle(body, i) +
+                                "too few neighbours for moving least squares of this order");
+      }
+      return candidate;
+    }
     GradientWeights solved;
     try {
       solved = gradient_weights(offsets, candidate.weight, order, at_stress_point);
     } catch (const std::domain_error& error) {
       if (widening != kWidening.back()) continue;
-      throw std::domain_error("particle " + std::to_string(i) + " at (" +
-                              std::to_string(body.position[2 * i]) + ", " +
-                              std::to_string(body.position[2 * i + 1]) + "): " + error.what());
+      throw std::domain_error(at_particle(body, i) + error.what());
     }
     for (auto& g : solved.weights) g = {g[0] / scale, g[1] / scale};
     candidate.gradient = std::move(solved.weights);
@@ -125,12 +143,12 @@ Neighbourhood build_neighbourhood(const Body& body, const NeighbourhoodOptions& 
   // sums over rows obey summation by parts, and a wider one would not (Strand 1994).
   for (std::size_t i = 0; i < n; ++i) {
     if (body.carried(i)) continue;  // a rigid body has no strain
-    const bool one_sided = options.order == Order::quadratic && i < body.particles() &&
-                           (body.edge[i] != 0 || body.fixed[i] == 3);
+    const bool one_sided = (options.order == Order::quadratic || options.order == Order::mls_quadratic) &&
+                           i < body.particles() && (body.edge[i] != 0 || body.fixed[i] == 3);
     rows[i] = gradient_row(body, search, i, one_sided ? Order::linear : options.order, options.kernel);
   }
 
-  const bool corrected = options.order == Order::linear || options.order == Order::quadratic;
+  const bool corrected = options.order != Order::none && options.order != Order::shepard;
   if (corrected && !body.outlines.empty()) make_consistent(body, rows);
 
   struct Entry {

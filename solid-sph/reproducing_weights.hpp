@@ -14,8 +14,9 @@
 namespace estuary::solid {
 
 /// Fields whose gradient is exact: linear ones, quadratic ones as well, or none by correction (the plain SPH
-/// gradient; with `shepard` divided by the sum of the kernel).
-enum class Order { linear, quadratic, none, shepard };
+/// gradient; with `shepard` divided by the sum of the kernel). `mls_` are the full derivatives of the shape
+/// functions of moving least squares, whose weights are the kernel itself.
+enum class Order { linear, quadratic, none, shepard, mls_linear, mls_quadratic };
 
 /// One point of a neighbourhood, relative to the place of evaluation and divided by the spacing.
 struct Offset {

@@ -202,14 +202,12 @@ Plan plan_of(const SolidScene& scene) {
         "numerically; its law is hypoelastic (Jaumann)");
     return plan;
   }
-  plan.variant =
-      fmt::format("2d-{}-plane-{}-{}{}{}{}", law, scene.plane == Plane::strain ? "strain" : "stress",
-                  scene.order == Order::linear      ? "linear"
-                  : scene.order == Order::quadratic ? "quadratic"
-                  : scene.order == Order::none      ? "uncorrected"
-                                                    : "shepard",
-                  scene.stress_points > 0 ? "-stress-points" : "",
-                  scene.stabilisation > 0 ? "-stabilised" : "", viscous ? "-viscous" : "");
+  constexpr std::array<const char*, 6> kOrders{"linear",  "quadratic",  "uncorrected",
+                                               "shepard", "mls-linear", "mls-quadratic"};
+  plan.variant = fmt::format(
+      "2d-{}-plane-{}-{}{}{}{}", law, scene.plane == Plane::strain ? "strain" : "stress",
+      kOrders[static_cast<std::size_t>(scene.order)], scene.stress_points > 0 ? "-stress-points" : "",
+      scene.stabilisation > 0 ? "-stabilised" : "", viscous ? "-viscous" : "");
   return plan;
 }
 

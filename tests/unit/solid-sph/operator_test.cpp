@@ -3,6 +3,7 @@
 #include <omp.h>
 
 #include "bodies.hpp"
+#include "moving_least_squares.hpp"
 
 namespace estuary::solid {
 namespace {
@@ -16,7 +17,8 @@ INSTANTIATE_TEST_SUITE_P(
     testing::Values(Case{}, Case{.stabilisation = 0.1}, Case{.order = Order::quadratic},
                     Case{.order = Order::quadratic, .stabilisation = 0.05},
                     Case{.order = Order::quadratic, .stabilisation = 0.05, .smoothing_ratio = 1.3},
-                    Case{.law = LawName::neo_hooke}, Case{.law = LawName::hooke_almansi}));
+                    Case{.law = LawName::neo_hooke}, Case{.law = LawName::hooke_almansi},
+                    Case{.order = Order::mls_linear}, Case{.order = Order::mls_quadratic}));
 
 TEST_P(Operator, AffineMotionGivesOneStress) {
   const auto made = test::assemble(test::box_of(1.0, 0.43, 0.05), {}, GetParam());
@@ -107,6 +109,39 @@ TEST(Neighbourhood, QuadraticCorrectionIsExactForQuadraticFieldsUpToTheCorners) 
     ASSERT_NEAR(f.xy, 0.1 * x[2 * i] - 0.4 * x[2 * i + 1], 1e-12);
     ASSERT_NEAR(f.yx, 0.6 * x[2 * i], 1e-12);
     ASSERT_NEAR(f.yy - 1, 0, 1e-12);
+  }
+}
+
+// Between the points, too: the gradient is the derivative of the interpolation.
+TEST(MovingLeastSquares, ReproducesItsMonomialsAndIsTheDerivativeOfItself) {
+  std::vector<Offset> points;
+  for (int k = 0; k < 25; ++k)
+    points.push_back(
+        {0.8 * (k % 5 - 2) + 0.1 * std::sin(3.0 * k), 0.8 * (k / 5 - 2) + 0.1 * std::cos(5.0 * k)});
+  const auto seen_from = [&](double x, double y) {
+    std::vector<Offset> offsets;
+    for (const Offset& p : points) offsets.push_back({p.x - x, p.y - y});
+    return offsets;
+  };
+  for (const int degree : {0, 1, 2}) {
+    const ShapeFunctions shape =
+        moving_least_squares(seen_from(0.1, -0.2), Kernel::cubic_spline, 1.2, degree);
+    const auto value = [&](double x, double y) {
+      return moving_least_squares(seen_from(0.1 + x, -0.2 + y), Kernel::cubic_spline, 1.2, degree).value;
+    };
+    const double e = 1e-6;
+    const auto right = value(e, 0), left = value(-e, 0), up = value(0, e), down = value(0, -e);
+    double sum = 0, slope = 0, curved = 0;
+    for (std::size_t j = 0; j < points.size(); ++j) {
+      ASSERT_NEAR(shape.gradient[j][0], (right[j] - left[j]) / (2 * e), 1e-8);
+      ASSERT_NEAR(shape.gradient[j][1], (up[j] - down[j]) / (2 * e), 1e-8);
+      sum += shape.value[j];
+      slope += shape.gradient[j][0] * points[j].x;
+      curved += shape.gradient[j][0] * points[j].x * points[j].y;
+    }
+    EXPECT_NEAR(sum, 1, 1e-12);
+    EXPECT_NEAR(slope, degree > 0 ? 1 : slope, 1e-12);
+    EXPECT_NEAR(curved, degree > 1 ? -0.2 : curved, 1e-12);
   }
 }
 
