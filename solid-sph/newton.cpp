@@ -319,6 +319,12 @@ EquilibriumReport NewtonSolver::solve(std::vector<double>& displacement, const L
     return report;
   }
   double reached = 0, step = 1;
+  // A long step may land on an equilibrium that a body would leave at once, beside a stable one that shorter
+  // steps follow. It counts only when they find none. (Of plastic flow that is one increment, shorter steps
+  // are no steps along its path.)
+  const bool judged = solver_.symmetric_tangent() && solver_.history().empty();
+  std::vector<double> unstable;
+  EquilibriumReport of_unstable;
   while (reached < 1) {
     const double next = std::min(1.0, reached + step);
     for (std::size_t c = 0; c < 2 * n; ++c)
@@ -337,6 +343,13 @@ EquilibriumReport NewtonSolver::solve(std::vector<double>& displacement, const L
       outcome = minimise(trial, target, scale, tolerance, settings, report, monitor);
     report.residual = outcome.residual;
     report.remaining_change = outcome.change;
+    if (outcome.converged && judged && !linear_.positive_definite()) {
+      outcome.converged = false;
+      if (next == 1 && unstable.empty()) {
+        unstable = std::move(trial);
+        of_unstable = report;
+      }
+    }
     if (outcome.converged) {
       displacement = std::move(trial);
       report.reached = reached = next;
@@ -344,6 +357,14 @@ EquilibriumReport NewtonSolver::solve(std::vector<double>& displacement, const L
       continue;
     }
     if (report.steps >= settings.maximum_steps || step < 1e-3) {
+      if (!unstable.empty()) {
+        displacement = std::move(unstable);
+        report.residual = of_unstable.residual;
+        report.remaining_change = of_unstable.remaining_change;
+        report.reached = 1;
+        report.converged = true;
+        report.stable = false;
+      }
       solver_.evaluate(displacement);
       return report;
     }

@@ -106,6 +106,7 @@ double Solid::find_equilibrium(const Window& window, const Monitor& monitor) {
     report.residual = one.residual;
     report.remaining_change = one.remaining_change;
     report.reached = one.reached;
+    report.stable = one.stable;
     if (!one.converged || rounds == 1) break;
     double change = 0, size = 0;
     for (std::size_t c = 0; c < before.size(); ++c) {
@@ -132,6 +133,18 @@ double Solid::find_equilibrium(const Window& window, const Monitor& monitor) {
                                  "particles_across, or a larger maximum_steps"
                                : "raise [solid.steady] maximum_steps, or use method = \"newton\"");
   }
+  // On the way to a coupled equilibrium the loads are not yet those of the end; and with one increment of
+  // flow, as in a pressed block of perfect plasticity, a tangent that is not positive definite says little.
+  if (!report.stable && !scene_.plastic() && !scene_.accepts_unstable && !scene_.coupled)
+    throw NotConverged(
+        fmt::format(
+            "after {} linear solves the only equilibrium found is unstable: at the least push the body would "
+            "leave it",
+            report.steps),
+        "where it buckles or its law softens (saint_venant_kirchhoff does when compressed) "
+        "try law = "
+        "\"neo_hooke\", [solid.steady] method = \"relaxation\", or a smaller load; [solid.steady] unstable = "
+        "\"accept\" takes it all the same");
   state_.displacement = std::move(displacement);
   if (!body_.rigid.empty()) settle_rigid_bodies(time);
   state_.time = time;

@@ -48,14 +48,14 @@ bool near_a_body(const SolidScene& scene, double x, double y) {
 void read_method(SceneTable& solid, SolidScene& result) {
   // With particles on the contour the linear correction is already exact where a quadratic one would be
   // needed.
-  constexpr std::array<std::string_view, 4> corrections{"linear", "quadratic", "none", "shepard"};
-  constexpr std::array<Order, 4> orders{Order::linear, Order::quadratic, Order::none, Order::shepard};
+  constexpr std::array<std::string_view, 6> corrections{"linear",  "quadratic",  "none",
+                                                        "shepard", "mls_linear", "mls_quadratic"};
   const bool on_contour = result.placement == Placement::on_contour;
   result.order = on_contour ? Order::linear : Order::quadratic;
   if (solid.has("correction"))
-    result.order = orders[static_cast<std::size_t>(
+    result.order = static_cast<Order>(
         std::find(corrections.begin(), corrections.end(), solid.choice("correction", corrections)) -
-        corrections.begin())];
+        corrections.begin());
   constexpr std::array<std::string_view, 2> formulations{"total_lagrangian", "updated_lagrangian"};
   result.updated_lagrangian = solid.choice("formulation", formulations) == "updated_lagrangian";
   if (result.updated_lagrangian && (result.mode == Mode::steady || result.periodic || result.plastic()))
@@ -82,19 +82,23 @@ void read_method(SceneTable& solid, SolidScene& result) {
     if (result.order != Order::linear && result.order != Order::quadratic)
       solid.problem("stress_points", "need correction = \"linear\" or \"quadratic\"");
   }
-  const double stabilisation = between                            ? 0.0
-                               : on_contour                       ? 0.02
-                               : result.order == Order::quadratic ? 0.05
-                                                                  : 0.0;
+  const double stabilisation = between      ? 0.0
+                               : on_contour ? 0.02
+                               : result.order == Order::quadratic || result.order == Order::mls_quadratic
+                                   ? 0.05
+                                   : 0.0;
   result.stabilisation = solid.number_or("stabilisation", stabilisation, {.minimum = 0.0, .maximum = 1.0});
   result.viscosity_linear = solid.number_or("viscosity_linear", 0.2, {.minimum = 0.0, .maximum = 10.0});
   result.viscosity_quadratic = solid.number_or("viscosity_quadratic", 0.4, {.minimum = 0.0, .maximum = 10.0});
   result.conservative_smoothing =
       solid.number_or("conservative_smoothing", 0.0, {.minimum = 0.0, .maximum = 0.5});
-  if (result.conservative_smoothing > 0 &&
-      (result.mode == Mode::steady || result.updated_lagrangian || between))
-    solid.problem("conservative_smoothing",
-                  "is of transient runs in the total Lagrangian form without stress points");
+  if (result.conservative_smoothing > 0 && (result.mode == Mode::steady || between))
+    solid.problem("conservative_smoothing", "is of transient runs without stress points");
+  if (solid.has("artificial_stress") && !result.updated_lagrangian)
+    solid.problem(
+        "artificial_stress",
+        "is of formulation = \"updated_lagrangian\"; the total Lagrangian form has no tensile instability");
+  result.artificial_stress = solid.number_or("artificial_stress", 0.0, {.minimum = 0.0, .maximum = 1.0});
   if (solid.has("hourglass_viscosity") && !result.plastic())
     solid.problem("hourglass_viscosity",
                   "is of law = \"j2_plasticity\"; elastic bodies have `stabilisation`");
@@ -110,6 +114,8 @@ void read_method(SceneTable& solid, SolidScene& result) {
     result.steady.tolerance = steady->number_or("tolerance", 1e-6, {.minimum = 1e-12, .maximum = 0.1});
     if (!relaxation || steady->has("method")) relaxation = steady->choice("method", methods) == "relaxation";
     steps = steady->integer_or("maximum_steps", 0, 0, 1'000'000'000);
+    constexpr std::array<std::string_view, 2> verdicts{"fail", "accept"};
+    result.accepts_unstable = steady->choice("unstable", verdicts) == "accept";
   }
   result.method = relaxation ? SteadyMethod::relaxation : SteadyMethod::newton;
   result.steady.maximum_steps = steps > 0 ? static_cast<std::uint64_t>(steps) : relaxation ? 2'000'000 : 1000;
@@ -222,6 +228,7 @@ SolverOptions SolidScene::solver_options() const {
   options.kernel = kernel;
   options.stabilisation = stabilisation;
   options.conservative_smoothing = conservative_smoothing;
+  options.artificial_stress = artificial_stress;
   if (hourglass_viscosity > 0)
     for (std::size_t k = 0; k < bodies.size(); ++k)
       options.hourglass_time.push_back(bodies[k].rigid ? 0.0 : hourglass_viscosity * spacing / wave_speed(k));

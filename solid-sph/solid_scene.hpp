@@ -137,6 +137,7 @@ struct SolidScene {
   double smoothing_ratio = 0.95;
   double stabilisation = 0;
   double conservative_smoothing = 0;  // alpha
+  double artificial_stress = 0;       // share of a tension, updated Lagrangian
   double hourglass_viscosity = 0;     // relaxation time in transits of a spacing, where plastic
   double contact_stiffness = 1;       // pressure per depth in spacings, in wave moduli
   double contact_modulus = 0;         // the same between rigid bodies [Pa]
@@ -158,6 +159,7 @@ struct SolidScene {
   std::vector<WatchScene> watches;
   SteadyMethod method = SteadyMethod::newton;
   EquilibriumSettings steady;
+  bool accepts_unstable = false;  // equilibria that the body would leave at the least push
   WindowLoad window_load = WindowLoad::mean;
   Mode mode = Mode::steady;
   bool coupled = false;  // another participant acts on the wet surface

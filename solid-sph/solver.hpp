@@ -43,7 +43,7 @@ struct EquilibriumReport {
   std::uint64_t steps = 0;
   double residual = 0;          // |F_ext + F_int| over free particles, relative to |F_ext|
   double remaining_change = 0;  // estimated displacement still to come, relative to the displacement
-  bool stable = true;           // false when Newton's method found an unstable equilibrium
+  bool stable = true;           // false when Newton's method found none but an unstable equilibrium
   double reached = 0;           // share of the load up to which Newton's method found one
 };
 
@@ -61,6 +61,7 @@ struct SolverOptions {
   Order order = Order::linear;
   Kernel kernel = Kernel::cubic_spline;
   double conservative_smoothing = 0;   // alpha of VelocitySmoothing, transient only
+  double artificial_stress = 0;        // of UpdatedLagrangianSolver
   std::vector<double> hourglass_time;  // of HourglassViscosity, of each body [s]; empty without it
 };
 

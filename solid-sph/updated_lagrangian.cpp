@@ -11,11 +11,15 @@ UpdatedLagrangianSolver::UpdatedLagrangianSolver(const Body& body, const SolverO
                        body, {.order = options.order, .spring_modulus = {}, .kernel = options.kernel})),
       materials_(options.materials),
       kernel_(options.kernel),
+      artificial_stress_(options.artificial_stress),
+      smoothing_(options.conservative_smoothing),
+      repulsion_(artificial_stress_ > 0 ? 3 * body.size() : 0),
       position_(2 * body.size()) {
   const std::size_t members = body.member.empty() ? 1 : std::size_t{body.member.back()} + 1;
   while (materials_.size() < members) materials_.push_back(materials_.front());
   SolverOptions elastic = options;
   for (Material& material : elastic.materials) material.viscosity = {};
+  elastic.conservative_smoothing = 0;
   reference_ = make_solver<SaintVenantKirchhoff>(body, elastic);
   for (std::size_t i = 0; i < body.size(); ++i)
     history_.insert(history_.end(), {0, 0, 0, 0, body.mass[i] / body.volume[i]});
@@ -153,6 +157,17 @@ void UpdatedLagrangianSolver::strain(const State& state, double dt) {
 void UpdatedLagrangianSolver::accelerate(const State& state) {
   const std::size_t n = body_.size();
   const double h = body_.smoothing_length;
+  for (std::size_t i = 0; i < repulsion_.size() / 3; ++i) {
+    const double* s = &history_[kHistorySize * i];
+    const double mean = 0.5 * (s[0] + s[2]), half = 0.5 * (s[0] - s[2]), radius = std::hypot(half, s[1]);
+    const double scale = -artificial_stress_ / (s[4] * s[4]);
+    const double a = scale * std::max(0.0, mean + radius), b = scale * std::max(0.0, mean - radius);
+    const double cosine = radius > 0 ? half / radius : 0, sine = radius > 0 ? s[1] / radius : 0;
+    repulsion_[3 * i] = 0.5 * (a + b) + 0.5 * (a - b) * cosine;
+    repulsion_[3 * i + 1] = 0.5 * (a - b) * sine;
+    repulsion_[3 * i + 2] = 0.5 * (a + b) - 0.5 * (a - b) * cosine;
+  }
+  const double at_spacing = kernel_value(kernel_, body_.mean_spacing(), h);
 #pragma omp parallel for schedule(static) if (n > kSerialBelow)
   for (std::size_t i = 0; i < n; ++i) {
     double fx = 0, fy = 0;
@@ -176,14 +191,44 @@ void UpdatedLagrangianSolver::accelerate(const State& state) {
         pi = (-viscosity.linear * viscosity.sound_speed * phi + viscosity.quadratic * phi * phi) /
              (0.5 * (si[4] + sj[4]));
       }
-      const double txx = si[0] * ii + sj[0] * jj - pi, txy = si[1] * ii + sj[1] * jj,
-                   tyy = si[2] * ii + sj[2] * jj - pi;
+      double txx = si[0] * ii + sj[0] * jj - pi, txy = si[1] * ii + sj[1] * jj,
+             tyy = si[2] * ii + sj[2] * jj - pi;
+      if (!repulsion_.empty()) {
+        const double nearness = std::pow(kernel_value(kernel_, r, h) / at_spacing, 4);
+        txx += nearness * (repulsion_[3 * i] + repulsion_[3 * j]);
+        txy += nearness * (repulsion_[3 * i + 1] + repulsion_[3 * j + 1]);
+        tyy += nearness * (repulsion_[3 * i + 2] + repulsion_[3 * j + 2]);
+      }
       fx += txx * gx + txy * gy;
       fy += txy * gx + tyy * gy;
     }
     fields_.force[2 * i] = fx;
     fields_.force[2 * i + 1] = fy;
   }
+}
+
+double UpdatedLagrangianSolver::smooth(State& state) {
+  const double before = kinetic_energy(state), h = body_.smoothing_length;
+  smoothed_ = state.velocity;
+  for (std::size_t i = 0; i < body_.size(); ++i) {
+    double weights = 0, vx = 0, vy = 0;
+    for (std::size_t p = first_[i]; p < first_[i + 1]; ++p) {
+      const std::size_t j = neighbour_[p];
+      const double w = body_.mass[j] / history_[kHistorySize * j + 4] *
+                       kernel_value(kernel_,
+                                    std::hypot(position_[2 * j] - position_[2 * i],
+                                               position_[2 * j + 1] - position_[2 * i + 1]),
+                                    h);
+      weights += w;
+      vx += w * state.velocity[2 * j];
+      vy += w * state.velocity[2 * j + 1];
+    }
+    if (!(weights > 0)) continue;
+    if (!body_.holds(i, 0)) smoothed_[2 * i] += smoothing_ * (vx / weights - smoothed_[2 * i]);
+    if (!body_.holds(i, 1)) smoothed_[2 * i + 1] += smoothing_ * (vy / weights - smoothed_[2 * i + 1]);
+  }
+  state.velocity.swap(smoothed_);
+  return before - kinetic_energy(state);
 }
 
 void UpdatedLagrangianSolver::advance(State& state, const Loading& loading, double duration,
@@ -227,6 +272,7 @@ void UpdatedLagrangianSolver::advance(State& state, const Loading& loading, doub
     external.add_to(fields_.force);
     state.external_work += external.work();
     kick();
+    if (smoothing_ > 0) state.viscous_work += smooth(state);
     if (step % 128 == 0) monitor(fraction, "updated Lagrangian");
   }
   state.history = history_;

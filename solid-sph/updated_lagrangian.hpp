@@ -2,10 +2,13 @@
 // the total Lagrangian form does not have.
 //
 // Kernel, neighbours and gradients follow the particles (Libersky & Petschek 1991; Gray, Monaghan & Swift
-// 2001, without their artificial stress):
+// 2001):
 //     L_i = [sum_j m_j/rho_j (v_j - v_i) (x) grad W_ij] K_i^-1  (Randles & Libersky 1996),  rho' = -rho tr L,
 //     Jaumann rate of Cauchy stress = lambda tr(D) I + 2 mu D,
-//     a_i = sum_j m_j (sigma_i/rho_i^2 + sigma_j/rho_j^2 - Pi_ij I) grad W_ij.
+//     a_i = sum_j m_j (sigma_i/rho_i^2 + sigma_j/rho_j^2 - Pi_ij I + f_ij^4 (R_i + R_j)) grad W_ij.
+// Two of the remedies tried in the literature: Gray, Monaghan & Swift's artificial stress, R = -eta
+// sigma/rho^2 of principal stresses in tension, f_ij = W_ij over W at the particles' spacing; and Swegle's
+// conservative smoothing of velocities.
 #pragma once
 
 #include <memory>
@@ -40,9 +43,14 @@ private:
   void find_neighbours(const State& state);
   void strain(const State& state, double dt);
   void accelerate(const State& state);
+  // What it takes from the kinetic energy [J/m].
+  double smooth(State& state);
 
   std::vector<Material> materials_;
   Kernel kernel_;
+  double artificial_stress_, smoothing_;
+  std::vector<double> repulsion_;  // R of each particle, xx xy yy [Pa m6/kg2]
+  std::vector<double> smoothed_;
   std::unique_ptr<Solver>
       reference_;  // the same body in total Lagrangian form: stable step, deformation gradient
   std::vector<double> position_;
