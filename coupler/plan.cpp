@@ -100,7 +100,7 @@ std::string measure_text(const Measure& measure) {
   const char* symbol = measure.field == Field::displacement ? "d"
                        : measure.field == Field::velocity   ? "v"
                                                             : "f";
-  const std::string increment = fmt::format("|{0}_k - {0}_(k-1)| < {1:g}", symbol, measure.limit);
+  std::string increment = fmt::format("|{0}_k - {0}_(k-1)| < {1:g}", symbol, measure.limit);
   switch (measure.kind) {
     case MeasureKind::relative:
       return increment + fmt::format(" |{}_k|", symbol);

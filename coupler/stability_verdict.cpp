@@ -102,16 +102,13 @@ StabilityVerdict stability_verdict(const std::vector<StudyQuantity>& quantities,
     verdict.kind = StabilityClass::refused;
     return verdict;
   }
-  if (result.status == "time limit") {
-    verdict.kind = StabilityClass::stalled;
-  } else if (result.status != "diverged or not converged") {
-    verdict.kind = StabilityClass::lost;
-  } else if (says(result.message, {"diverge", "not finite"})) {
-    verdict.kind = StabilityClass::diverged;
-  } else if (says(result.message, {"stalled", "not converge", "no longer", "not steady"})) {
+  const bool grew = says(result.message, {"diverge", "not finite"});
+  const bool stood = !grew && says(result.message, {"stalled", "not converge", "no longer", "not steady"});
+  if (result.status == "time limit" || (result.status == "diverged or not converged" && stood)) {
     verdict.kind = StabilityClass::stalled;
   } else {
-    verdict.kind = StabilityClass::diverged;
+    verdict.kind =
+        result.status == "diverged or not converged" ? StabilityClass::diverged : StabilityClass::lost;
   }
   verdict.window = window_in(result.message);
   if (scene.mode == CouplingMode::transient && verdict.window)

@@ -81,6 +81,7 @@ ExitStatus ladder(const StudyScene& study, const StudyOptions& options, const St
     return interrupt ? ExitStatus::interrupted : ExitStatus::done;
   }
   std::vector<PreparedCell> cells;
+  cells.reserve(grid.size());
   for (auto& cell : grid) cells.push_back(store.prepare(std::move(cell)));
   if (!usable_quantities(study, cells)) return ExitStatus::wrong_scene;
   if (options.slurm) return submit(study, options, cells.size());
@@ -118,6 +119,7 @@ ExitStatus stability(const StudyScene& study, const StudyOptions& options, const
     grid.assign(1, wanted);
   }
   std::vector<PreparedCell> first;
+  first.reserve(grid.size());
   const std::optional<double> from =
       study.bisection ? std::optional<double>(study.bisection->from) : std::nullopt;
   for (const auto& cell : grid) first.push_back(store.prepare(study_cell(study, cell.steps, from)));

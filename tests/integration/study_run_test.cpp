@@ -1,9 +1,9 @@
 // Studies run as a person runs them, on the participant whose fixed point is known (linear_participant.cpp).
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
-#include <signal.h>
 
 #include <chrono>
+#include <csignal>
 #include <filesystem>
 #include <fstream>
 #include <map>
@@ -202,7 +202,8 @@ TEST_F(StudyRun, AsAJobArrayGivesTheSameTable) {
                                         "  SLURM_ARRAY_TASK_ID=$k bash $script >>"
                                      << (folder_ / "tasks.log").string() << " 2>&1\ndone\necho 4711\n";
   std::filesystem::permissions(programs / "sbatch", std::filesystem::perms::owner_all);
-  const std::string path = std::getenv("PATH");
+  const char* found = std::getenv("PATH");
+  const std::string path = found == nullptr ? "" : found;
   ::setenv("PATH", (programs.string() + ":" + path).c_str(), 1);
   const Finished finished = study(ladder, {"--slurm"});
   ::setenv("PATH", path.c_str(), 1);

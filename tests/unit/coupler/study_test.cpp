@@ -1,6 +1,7 @@
 // What a study reads, which runs it makes of it, and what it says of their results.
 #include <gmock/gmock.h>
 
+#include <algorithm>
 #include <cmath>
 #include <fstream>
 
@@ -126,8 +127,9 @@ TEST(StudyExpression, KnowsItsVariablesAndRefusesWhatIsNotFinite) {
 
 TEST(Richardson, FindsLimitAndOrderForAnyRatios) {
   const std::vector<double> sizes{0.4, 0.25, 0.1};
-  std::vector<double> values;
-  for (const double h : sizes) values.push_back(1 + 3 * std::pow(h, 1.7));
+  std::vector<double> values(sizes.size());
+  std::transform(sizes.begin(), sizes.end(), values.begin(),
+                 [](double h) { return 1 + 3 * std::pow(h, 1.7); });
   const auto limit = ladder_limit(sizes, values, {});
   EXPECT_TRUE(limit.extrapolated);
   EXPECT_NEAR(limit.value, 1, 1e-9);
@@ -217,7 +219,7 @@ TEST(StudyTable, CheapestCountsWhatStaysBelowOnFinerSteps) {
   EXPECT_EQ(cheapest[2], nullptr);
 }
 
-StabilityVerdict verdict(StudyResult result, const StudyQuantity& quantity) {
+StabilityVerdict verdict(const StudyResult& result, const StudyQuantity& quantity) {
   CouplingScene scene;
   scene.mode = CouplingMode::transient;
   scene.window = 0.5;
