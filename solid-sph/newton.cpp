@@ -318,61 +318,60 @@ EquilibriumReport NewtonSolver::solve(std::vector<double>& displacement, const L
     report.converged = true;
     return report;
   }
-  double reached = 0, step = 1;
-  // A long step may land on an equilibrium that a body would leave at once, beside a stable one that shorter
-  // steps follow. It counts only when they find none. (Of plastic flow that is one increment, shorter steps
-  // are no steps along its path.)
-  const bool judged = solver_.symmetric_tangent() && solver_.history().empty();
-  std::vector<double> unstable;
-  EquilibriumReport of_unstable;
-  while (reached < 1) {
-    const double next = std::min(1.0, reached + step);
-    for (std::size_t c = 0; c < 2 * n; ++c)
-      target[c] = start_force[c] + next * (external[c] - start_force[c]);
-    std::vector<double> trial = displacement;
-    const double tolerance = next < 1 ? std::max(1e-4, settings.tolerance) : settings.tolerance;
-    bool followed = true;
-    if (moves) {
-      for (std::size_t c = 0; c < 2 * n; ++c) step_of_prescribed[c] = (next - reached) * prescribed[c];
-      followed = follow_prescribed(trial, target, step_of_prescribed);
-      ++report.steps;
-    }
-    Outcome outcome;
-    if (followed) outcome = iterate(trial, target, scale, tolerance, settings, report, monitor);
-    if (followed && !outcome.converged && solver_.symmetric_tangent() && outcome.residual < 10)
-      outcome = minimise(trial, target, scale, tolerance, settings, report, monitor);
-    report.residual = outcome.residual;
-    report.remaining_change = outcome.change;
-    if (outcome.converged && judged && !linear_.positive_definite()) {
-      outcome.converged = false;
-      if (next == 1 && unstable.empty()) {
-        unstable = std::move(trial);
-        of_unstable = report;
+  // The load in steps; with `strictly`, only over stable equilibria.
+  const auto follow = [&](bool strictly) {
+    double reached = 0, step = 1;
+    report.reached = 0;
+    while (reached < 1) {
+      const double next = std::min(1.0, reached + step);
+      for (std::size_t c = 0; c < 2 * n; ++c)
+        target[c] = start_force[c] + next * (external[c] - start_force[c]);
+      std::vector<double> trial = displacement;
+      const double tolerance = next < 1 ? std::max(1e-4, settings.tolerance) : settings.tolerance;
+      bool followed = true;
+      if (moves) {
+        for (std::size_t c = 0; c < 2 * n; ++c) step_of_prescribed[c] = (next - reached) * prescribed[c];
+        followed = follow_prescribed(trial, target, step_of_prescribed);
+        ++report.steps;
       }
-    }
-    if (outcome.converged) {
-      displacement = std::move(trial);
-      report.reached = reached = next;
-      step *= 2;
-      continue;
-    }
-    if (report.steps >= settings.maximum_steps || step < 1e-3) {
-      if (!unstable.empty()) {
-        displacement = std::move(unstable);
-        report.residual = of_unstable.residual;
-        report.remaining_change = of_unstable.remaining_change;
-        report.reached = 1;
-        report.converged = true;
-        report.stable = false;
+      Outcome outcome;
+      if (followed) outcome = iterate(trial, target, scale, tolerance, settings, report, monitor);
+      if (followed && !outcome.converged && solver_.symmetric_tangent() && outcome.residual < 10)
+        outcome = minimise(trial, target, scale, tolerance, settings, report, monitor);
+      report.residual = outcome.residual;
+      report.remaining_change = outcome.change;
+      if (outcome.converged && (!strictly || linear_.positive_definite())) {
+        displacement = std::move(trial);
+        report.reached = reached = next;
+        step *= 2;
+        continue;
       }
-      solver_.evaluate(displacement);
-      return report;
+      if (report.steps >= settings.maximum_steps || step < 1e-3) return false;
+      step *= 0.5;
+      if (step > 1 - reached) step = 0.5 * (1 - reached);
     }
-    step *= 0.5;
-    if (step > 1 - reached) step = 0.5 * (1 - reached);
+    if (solver_.symmetric_tangent()) report.stable = linear_.positive_definite();
+    report.converged = true;
+    return true;
+  };
+  if (!follow(false)) {
+    solver_.evaluate(displacement);
+    return report;
   }
-  if (solver_.symmetric_tangent()) report.stable = linear_.positive_definite();
-  report.converged = true;
+  // A long step may land on an equilibrium that the body would leave at once, beside a stable one that
+  // shorter steps lead to. (Not so with plastic flow, which is one increment.)
+  if (!report.stable && solver_.history().empty()) {
+    std::vector<double> unstable = displacement;
+    EquilibriumReport of_unstable = report;
+    displacement = start;
+    report.converged = false;
+    if (!follow(true)) {
+      of_unstable.steps = report.steps;
+      report = of_unstable;
+      displacement = std::move(unstable);
+      solver_.evaluate(displacement);
+    }
+  }
   return report;
 }
 
