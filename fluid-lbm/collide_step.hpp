@@ -120,7 +120,7 @@ void pass(Populations& populations, Parity parity, const FluidNodes& nodes,
   const ReadingPlaces<Lattice, Real> places(populations, parity);
   std::array<typename Lanes<Real>::Mask, static_cast<std::size_t>(Lanes<Real>::count)> masks;
   for (std::size_t k = 0; k < masks.size(); ++k) masks[k] = first_lanes<Real>(static_cast<int>(k));
-  const RowShare share = row_share(populations.rows());
+  const RowShare share = row_share(populations.first_row(), populations.past_row());
   const bool packed = populations.packed();
   for (int row = share.begin; row < share.end; ++row) {
     if (nodes.links != nullptr) nodes.links->reflect_behind(populations, parity, share, row);

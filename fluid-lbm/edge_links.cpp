@@ -302,6 +302,7 @@ void EdgeLinks::close(Populations& populations, Parity parity, bool compressible
 #pragma omp for schedule(static)
   for (std::size_t n = 0; n < closings_.size(); ++n) {
     const Closing& closing = closings_[n];
+    if (!populations.owns(closing.node.y)) continue;
     double density = 1;
     if (compressible && closing.wall != 0) {
       const std::ptrdiff_t node = populations.node(closing.node.x, closing.node.y);
@@ -319,6 +320,7 @@ void EdgeLinks::close(Populations& populations, Parity parity, bool compressible
 #pragma omp single
   for (std::size_t n = 0; n < closings_.size(); ++n) {
     const Node node = closings_[n].node;
+    if (!populations.owns(node.y)) continue;
     f[closings_[n].incoming[k]] = closed_values_[n];
     f[populations.slot(0, populations.node(node.x, node.y))] -= gained_[n];
   }
@@ -327,6 +329,7 @@ void EdgeLinks::close(Populations& populations, Parity parity, bool compressible
 void EdgeLinks::reopen(Populations& populations, Parity parity) const {
   for (std::size_t n = 0; n < closings_.size(); ++n) {
     const Node node = closings_[n].node;
+    if (!populations.owns(node.y)) continue;
     populations[closings_[n].incoming[index_of(parity)]] = open_values_[n];
     populations[populations.slot(0, populations.node(node.x, node.y))] += gained_[n];
   }
@@ -342,18 +345,30 @@ Force EdgeLinks::force_of(std::size_t n) const {
           (closing.node.x + closing.place * c[0]) * fy - (closing.node.y + closing.place * c[1]) * fx};
 }
 
+const std::vector<Force>& EdgeLinks::forces() const {
+  forces_.assign(closings_.size(), {});
+  for (std::size_t n = 0; n < closings_.size(); ++n) {
+    // Zero on ranks whose node it is not, whose values were never set.
+    if (closed_values_[n] != open_values_[n]) forces_[n] = force_of(n);
+  }
+  if (!forces_.empty()) share(ranks_, {&forces_.front().x, 3 * forces_.size()});
+  return forces_;
+}
+
 Force EdgeLinks::force(std::span<const std::uint32_t> bodies, std::uint32_t body) const {
   Force total;
+  const std::vector<Force>& of_closing = forces();
   for (std::size_t n = 0; n < closings_.size(); ++n) {
     if (!bodies.empty() && bodies[closings_[n].surface_node] != body) continue;
-    total = total + force_of(n);
+    total = total + of_closing[n];
   }
   return total;
 }
 
 void EdgeLinks::add_node_forces(double weight, std::vector<double>& force) const {
+  const std::vector<Force>& of_closing = forces();
   for (std::size_t n = 0; n < closings_.size(); ++n) {
-    const Force one = weight * force_of(n);
+    const Force one = weight * of_closing[n];
     const Closing& closing = closings_[n];
     force[2 * closing.surface_node] += (1 - closing.along) * one.x;
     force[2 * closing.surface_node + 1] += (1 - closing.along) * one.y;

@@ -47,7 +47,8 @@ class EdgeLinks {
 public:
   enum class Extent : std::uint8_t { edges, everywhere };
   EdgeLinks() = default;
-  explicit EdgeLinks(Extent extent) : everywhere_(extent == Extent::everywhere) {}
+  explicit EdgeLinks(Extent extent, Ranks* ranks = nullptr)
+      : everywhere_(extent == Extent::everywhere), ranks_(ranks) {}
 
   /// Finds the edges of the surface and the links to close there. Costs nothing more without an edge.
   void build(const Surface& surface, const Cells& cells, const Populations& layout);
@@ -114,6 +115,8 @@ private:
     double place = 1;  // of the wall on the link [fraction]
   };
   [[nodiscard]] Force force_of(std::size_t closing) const;
+  // Of all closings, in their order.
+  [[nodiscard]] const std::vector<Force>& forces() const;
   void find_edges(const Surface& surface);
   void find_near_nodes(const Surface& surface, const Cells& cells);
   void find_near_segments(const Surface& surface);
@@ -124,6 +127,8 @@ private:
            const Populations& layout);
 
   bool everywhere_ = false;
+  Ranks* ranks_ = nullptr;
+  mutable std::vector<Force> forces_;
   std::vector<Edge> edges_;
   std::vector<Segment> near_segments_;  // that a link near an edge may meet
   std::vector<Segment> near_insets_;    // the same, moved into the solid by `surface_inset`

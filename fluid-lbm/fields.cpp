@@ -14,21 +14,24 @@ bool parallel_pays(const Grid& grid) {
 // Adds what `of_node(x, y, z, k, sums)` contributes: row by row, then the rows in order, whatever the number
 // of threads.
 template <class Sums, class OfNode, class Combine>
-Sums over_rows(const Cells& cells, const OfNode& of_node, const Combine& combine) {
+Sums over_rows(const Cells& cells, Ranks* ranks, const OfNode& of_node, const Combine& combine) {
   const Grid& grid = cells.grid();
-  std::vector<Sums> rows(static_cast<std::size_t>(grid.rows()));
+  const int first = grid.first_row();
+  std::vector<Sums> rows(static_cast<std::size_t>(grid.past_row() - first));
 #pragma omp parallel for schedule(static) if (parallel_pays(grid))
-  for (int row = 0; row < grid.rows(); ++row) {
+  for (int row = first; row < grid.past_row(); ++row) {
     const int y = row % grid.ny;
     const int z = row / grid.ny;
     Sums sums;
     for (const Span span : cells.row(row)) {
       for (int x = span.begin; x < span.end; ++x) of_node(x, y, z, grid.index(x, y, z), sums);
     }
-    rows[static_cast<std::size_t>(row)] = sums;
+    rows[static_cast<std::size_t>(row - first)] = sums;
   }
   Sums total;
-  for (const Sums& row : rows) combine(total, row);
+  in_turn(ranks, total, [&](Sums& so_far) {
+    for (const Sums& row : rows) combine(so_far, row);
+  });
   return total;
 }
 
@@ -80,7 +83,7 @@ void compute_fields(const Populations& populations, const Cells& cells, Equilibr
   fields.velocity_y.resize(grid.size());
   fields.velocity_z.resize(space ? grid.size() : 0);
 #pragma omp parallel for schedule(static) if (parallel_pays(grid))
-  for (int row = 0; row < grid.rows(); ++row) {
+  for (int row = grid.first_row(); row < grid.past_row(); ++row) {
     for (auto* field : {&fields.excess, &fields.velocity_x, &fields.velocity_y, &fields.velocity_z}) {
       if (field->empty()) continue;
       std::fill_n(field->data() + static_cast<std::size_t>(row) * static_cast<std::size_t>(grid.nx), grid.nx,
@@ -97,7 +100,7 @@ void compute_fields(const Populations& populations, const Cells& cells, Equilibr
 void set_equilibrium(Populations& p, const Fields& fields, EquilibriumModel model) {
   const bool space = p.lattice().dimension == 3;
 #pragma omp parallel for schedule(static)
-  for (int row = 0; row < p.rows(); ++row) {
+  for (int row = p.first_row(); row < p.past_row(); ++row) {
     for (int x = 0; x < p.nx(); ++x) {
       const std::size_t k =
           static_cast<std::size_t>(row) * static_cast<std::size_t>(p.nx()) + static_cast<std::size_t>(x);
@@ -117,7 +120,7 @@ void set_equilibrium(Populations& p, const Fields& fields, EquilibriumModel mode
   }
 }
 
-FieldSums sum_fields(const Fields& fields, const Cells& cells, const Sides& sides) {
+FieldSums sum_fields(const Fields& fields, const Cells& cells, const Sides& sides, Ranks* ranks) {
   const Grid& grid = cells.grid();
   const auto share = [&](int at, int count, int axis) {
     const bool half = (at == 0 && is_open(sides[2 * static_cast<std::size_t>(axis)].kind)) ||
@@ -125,7 +128,7 @@ FieldSums sum_fields(const Fields& fields, const Cells& cells, const Sides& side
     return half ? 0.5 : 1.0;
   };
   return over_rows<FieldSums>(
-      cells,
+      cells, ranks,
       [&](int x, int y, int z, std::size_t k, FieldSums& sums) {
         double area = share(x, grid.nx, 0) * share(y, grid.ny, 1);
         if (grid.nz > 0) area *= share(z, grid.nz, 2);
@@ -149,13 +152,13 @@ FieldSums sum_fields(const Fields& fields, const Cells& cells, const Sides& side
       });
 }
 
-VelocityChange update_velocities(const Fields& now, const Cells& cells, std::vector<double>& previous_x,
-                                 std::vector<double>& previous_y, std::vector<double>& previous_z) {
+VelocityChange update_velocities(const Fields& now, const Cells& cells, NodeValues& previous_x,
+                                 NodeValues& previous_y, NodeValues& previous_z, Ranks* ranks) {
   previous_x.resize(now.velocity_x.size());
   previous_y.resize(now.velocity_y.size());
   previous_z.resize(now.velocity_z.size());
   return over_rows<VelocityChange>(
-      cells,
+      cells, ranks,
       [&](int, int, int, std::size_t k, VelocityChange& sums) {
         const double dx = now.velocity_x[k] - previous_x[k];
         const double dy = now.velocity_y[k] - previous_y[k];
@@ -175,10 +178,12 @@ VelocityChange update_velocities(const Fields& now, const Cells& cells, std::vec
       });
 }
 
-std::optional<BadNode> find_bad_node(const Fields& fields, const Cells& cells) {
+namespace {
+
+std::optional<BadNode> find_bad_node_of_own(const Fields& fields, const Cells& cells) {
   const double limit = D2Q9::sound_speed_squared;
   const Grid& grid = cells.grid();
-  for (int row = 0; row < grid.rows(); ++row) {
+  for (int row = grid.first_row(); row < grid.past_row(); ++row) {
     const int y = row % grid.ny;
     const int z = row / grid.ny;
     for (const Span span : cells.row(row)) {
@@ -193,6 +198,54 @@ std::optional<BadNode> find_bad_node(const Fields& fields, const Cells& cells) {
     }
   }
   return std::nullopt;
+}
+
+}  // namespace
+
+std::optional<BadNode> find_bad_node(const Fields& fields, const Cells& cells, Ranks* ranks) {
+  struct First {
+    BadNode node;
+    bool any = false;
+  };
+  First first;
+  in_turn(ranks, first, [&](First& so_far) {
+    if (so_far.any) return;
+    if (const auto own = find_bad_node_of_own(fields, cells)) so_far = {*own, true};
+  });
+  if (!first.any) return std::nullopt;
+  return first.node;
+}
+
+void gather_fields(Ranks* ranks, const Grid& grid, Fields& fields) {
+  if (ranks == nullptr) return;
+  const auto nx = static_cast<std::size_t>(grid.nx);
+  const auto layer = nx * static_cast<std::size_t>(grid.nz > 0 ? grid.ny : 1);
+  for (auto* field : {&fields.excess, &fields.velocity_x, &fields.velocity_y, &fields.velocity_z}) {
+    if (field->empty()) continue;
+    const auto rows_of = [&](int rank) {
+      const auto first = static_cast<std::size_t>(grid.first_layer_of(rank)) * layer;
+      const auto past = static_cast<std::size_t>(grid.first_layer_of(rank + 1)) * layer;
+      return std::as_writable_bytes(std::span(field->data() + first, past - first));
+    };
+    if (ranks->rank() > 0) {
+      ranks->send(0, rows_of(ranks->rank()));
+      continue;
+    }
+    for (int rank = 1; rank < ranks->count(); ++rank) ranks->receive(rank, rows_of(rank));
+  }
+}
+
+void share_fields(Ranks* ranks, const Grid& grid, const std::vector<Node>& nodes, Fields& fields) {
+  if (ranks == nullptr) return;
+  for (auto* field : {&fields.excess, &fields.velocity_x, &fields.velocity_y, &fields.velocity_z}) {
+    if (field->empty()) continue;
+    std::vector<double> values;
+    for (const Node& node : nodes)
+      values.push_back(grid.owns(node.y, node.z) ? (*field)[grid.index(node.x, node.y, node.z)] : 0.0);
+    share(ranks, values);
+    for (std::size_t k = 0; k < nodes.size(); ++k)
+      (*field)[grid.index(nodes[k].x, nodes[k].y, nodes[k].z)] = values[k];
+  }
 }
 
 }  // namespace estuary::fluid

@@ -50,17 +50,21 @@ Flow::Flow(const FlowSettings& settings)
       populations_(settings.grid, settings.storage),
       cells_(settings.grid),
       step_(collide_and_stream(settings.step())),
+      halo_(settings.ranks != nullptr ? std::make_unique<Halo>(*settings.ranks, settings.grid) : nullptr),
       viscosities_(settings.viscosity == ViscosityModel::generalised_newtonian
                        ? std::make_unique<const ViscosityTable>(settings.law)
                        : nullptr),
       parameters_{settings.rates, settings.acceleration, settings.magic_parameter, settings.law,
                   viscosities_.get()},
       rows_(settings.grid),
-      obstacle_links_(settings.grid),
-      wet_links_(settings.grid),
-      saturated_(settings.grid),
-      bodies_(settings.grid, relaxation_of(settings)),
-      outline_links_(relaxation_of(settings)) {
+      obstacle_links_(settings.grid, settings.ranks),
+      wet_links_(settings.grid, settings.ranks),
+      obstacle_edges_(EdgeLinks::Extent::edges, settings.ranks),
+      saturated_(settings.grid, settings.ranks),
+      bodies_(settings.grid, relaxation_of(settings), settings.ranks),
+      solid_node_links_(settings.ranks),
+      links_at_sides_(settings.ranks),
+      outline_links_(relaxation_of(settings), settings.ranks) {
   if (step_ == nullptr) throw std::invalid_argument("no such variant: " + variant_name(settings.step()));
 }
 
@@ -100,7 +104,7 @@ void Flow::link_obstacles() {
 void Flow::set_wet_surface(std::size_t nodes, std::vector<std::uint32_t> connectivity,
                            EdgeLinks::Extent closing) {
   wet_.emplace(grid(), nodes, std::move(connectivity));
-  wet_edges_ = EdgeLinks(closing);
+  wet_edges_ = EdgeLinks(closing, settings_.ranks);
   placed_.clear();
 }
 
@@ -115,6 +119,7 @@ MoveCounts Flow::place(std::span<const double> positions, std::span<const double
     wet_edges_.reopen(populations_, populations_.parity());
     if (obstacles_) obstacle_edges_.reopen(populations_, populations_.parity());
   }
+  settle();
   rules_applied_ = false;
   const bool first = placed_.empty();
   placed_.assign(positions.begin(), positions.end());
@@ -140,9 +145,18 @@ MoveCounts Flow::place(std::span<const double> positions, std::span<const double
     obstacle_edges_.build(*obstacles_, cells_, populations_);
   }
   if (fill && !first) {
-    counts.orphans = refill(populations_, cells_, std::move(uncovered), *wet_, settings_.equilibrium);
+    counts.orphans =
+        refill(populations_, cells_, std::move(uncovered), *wet_, settings_.equilibrium, halo_.get());
   }
   return counts;
+}
+
+void Flow::settle() {
+  if (halo_ && rules_applied_) halo_->tell_of_rules(populations_, populations_.parity());
+}
+
+bool Flow::looks_beside() const {
+  return bodies_.links().looks_beside() || outline_links_.looks_beside();
 }
 
 MoveCounts Flow::move_wet_surface(std::span<const double> positions, std::span<const double> velocities,
@@ -154,6 +168,7 @@ MoveCounts Flow::place_bodies(const Grains& bodies, const std::vector<WallRule>&
   RoundMove move;
   const bool first = bodies_.empty();
   if (!bodies_.place(bodies, rules, cells_, populations_, move)) return {};
+  settle();
   rules_applied_ = false;
   MoveCounts counts{move.covered, move.uncovered.size(), 0};
   if (fill && !first) {
@@ -162,7 +177,7 @@ MoveCounts Flow::place_bodies(const Grains& bodies, const std::vector<WallRule>&
       return {wall.normal, wall.velocity};
     };
     counts.orphans = refill(populations_, cells_, std::move(move.uncovered), wall_at, settings_.equilibrium,
-                            settings_.refill);
+                            settings_.refill, halo_.get());
   }
   return counts;
 }
@@ -185,7 +200,8 @@ void Flow::set_solid_nodes(const std::vector<std::uint16_t>& solid) {
     }
     cells_.set_solid(row, cell_obstacle, runs, uncovered);
   }
-  if (settings_.drop_solid_nodes) drop_solid_nodes();
+  packs_alone_ = settings_.drop_solid_nodes;
+  if (settings_.drop_solid_nodes && !halo_) drop_solid_nodes();
   solid_node_links_.clear();
   links_at_sides_.clear();
   const auto depends_on_side = [this](const Node& node, bool across) {
@@ -198,7 +214,7 @@ void Flow::set_solid_nodes(const std::vector<std::uint16_t>& solid) {
     }
     return false;
   };
-  for (int row = 0; row < grid().rows(); ++row) {
+  for (int row = grid().first_row(); row < grid().past_row(); ++row) {
     const int y = row % grid().ny;
     const int z = row / grid().ny;
     for (const Span span : cells_.row(row)) {
@@ -219,7 +235,7 @@ void Flow::set_solid_nodes(const std::vector<std::uint16_t>& solid) {
 }
 
 // Among pores most memory would be that of the solid, which the processor fetches along with the fluid's.
-void Flow::drop_solid_nodes() {
+std::vector<std::uint8_t> Flow::needed_nodes() const {
   const Grid& g = grid();
   std::vector<std::uint8_t> needed(g.size(), 0);
   const auto mark = [&](int x, int y, int z) {
@@ -243,7 +259,13 @@ void Flow::drop_solid_nodes() {
   }
   const auto held = std::count(needed.begin(), needed.end(), 1);
   constexpr double worthwhile = 0.9;
-  if (static_cast<double>(held) > worthwhile * static_cast<double>(needed.size())) return;
+  if (static_cast<double>(held) > worthwhile * static_cast<double>(needed.size())) needed.clear();
+  return needed;
+}
+
+void Flow::drop_solid_nodes() {
+  const std::vector<std::uint8_t> needed = needed_nodes();
+  if (needed.empty()) return;
   populations_.pack(needed);
   if (obstacles_) link_obstacles();
 }
@@ -256,6 +278,154 @@ void Flow::copy_to(State& state) const {
   state.parity = populations_.parity();
   state.rules_applied = rules_applied_;
   state.sides_complete = sides_complete_;
+  state.rows_complete = !halo_ || halo_->complete();
+}
+
+namespace {
+
+// A part of one population's values, layers first <= s < past of the outermost axis.
+struct LayerRange {
+  int first = 0;
+  int past = 0;
+};
+
+// What a rank's part of a checkpoint is: its layers, and the ghosts at the lattice's ends.
+LayerRange part_of(const Grid& grid, int rank) {
+  return {grid.first_layer_of(rank) - (rank == 0 ? 1 : 0),
+          grid.first_layer_of(rank + 1) + (rank + 1 == grid.ranks ? 1 : 0)};
+}
+
+}  // namespace
+
+void Flow::gather(State& state) {
+  if (!halo_) {
+    copy_to(state);
+    return;
+  }
+  Ranks& ranks = halo_->ranks();
+  halo_->complete_slab(populations_);
+  copy_to(state);
+  state.body_memory = bodies_.links().save_memory();
+  state.outline_memory = outline_links_.save_memory();
+  Grid alone = grid();
+  alone.ranks = 1;
+  alone.rank = 0;
+  const std::ptrdiff_t plane = Populations::plane_of(alone);
+  const auto count = static_cast<std::size_t>(populations_.lattice().count);
+  std::vector<double> whole;
+  if (ranks.rank() == 0) whole.assign(count * static_cast<std::size_t>(plane), 0.0);
+  std::vector<double> part;
+  for (int rank = 0; rank < ranks.count(); ++rank) {
+    if (ranks.rank() != 0 && ranks.rank() != rank) continue;
+    const LayerRange layers = part_of(grid(), rank);
+    const auto size = static_cast<std::size_t>((layers.past - layers.first) * populations_.layer_size());
+    const std::ptrdiff_t there = populations_.number_in_grid(populations_.layer_start(layers.first));
+    for (std::size_t i = 0; i < count; ++i) {
+      const auto plane_number = static_cast<std::ptrdiff_t>(i);
+      part.resize(size);
+      if (ranks.rank() == rank) {
+        const auto here = plane_number * populations_.plane() + populations_.layer_start(layers.first);
+        std::copy_n(state.populations.begin() + here, size, part.begin());
+        if (rank > 0) ranks.send(0, std::as_bytes(std::span(part)));
+      } else {
+        ranks.receive(rank, std::as_writable_bytes(std::span(part)));
+      }
+      if (ranks.rank() == 0)
+        std::copy(part.begin(), part.end(), whole.begin() + plane_number * plane + there);
+    }
+  }
+  state.populations = std::move(whole);
+  if (ranks.rank() != 0 || !packs_alone_) return;
+  const std::vector<std::uint8_t> needed = needed_nodes();
+  if (needed.empty()) return;
+  const Populations::Packing packing = populations_.packing_of(needed);
+  std::vector<double> packed(count * static_cast<std::size_t>(packing.plane), 0.0);
+  for (std::size_t i = 0; i < count; ++i) {
+    for (std::size_t n = 0; n < packing.places.size(); ++n) {
+      if (packing.places[n] < 0) continue;
+      packed[i * static_cast<std::size_t>(packing.plane) + static_cast<std::size_t>(packing.places[n])] =
+          state.populations[i * static_cast<std::size_t>(plane) + n];
+    }
+  }
+  state.populations = std::move(packed);
+}
+
+void Flow::scatter(State& state) {
+  if (!halo_) return;
+  Ranks& ranks = halo_->ranks();
+  Grid alone = grid();
+  alone.ranks = 1;
+  alone.rank = 0;
+  const std::ptrdiff_t plane = Populations::plane_of(alone);
+  const auto count = static_cast<std::size_t>(populations_.lattice().count);
+  if (ranks.rank() == 0 && packs_alone_) {
+    const std::vector<std::uint8_t> needed = needed_nodes();
+    if (!needed.empty()) {
+      const Populations::Packing packing = populations_.packing_of(needed);
+      std::vector<double> unpacked(count * static_cast<std::size_t>(plane), 0.0);
+      for (std::size_t i = 0; i < count; ++i) {
+        for (std::size_t n = 0; n < packing.places.size(); ++n) {
+          if (packing.places[n] < 0) continue;
+          unpacked[i * static_cast<std::size_t>(plane) + n] =
+              state.populations[i * static_cast<std::size_t>(packing.plane) +
+                                static_cast<std::size_t>(packing.places[n])];
+        }
+      }
+      state.populations = std::move(unpacked);
+    }
+  }
+  const std::vector<double> whole = std::move(state.populations);
+  state.populations.assign(populations_.size(), 0.0);
+  const int end = grid().slab_layers();
+  const std::ptrdiff_t layer_size = populations_.layer_size();
+  const auto start_in_whole = [&](int layer) {
+    return populations_.number_in_grid(populations_.layer_start(layer));
+  };
+  std::vector<double> part;
+  for (int rank = 0; rank < ranks.count(); ++rank) {
+    if (ranks.rank() != 0 && ranks.rank() != rank) continue;
+    const int first = grid().first_layer_of(rank) - Populations::halo;
+    const int past = grid().first_layer_of(rank + 1) + Populations::halo;
+    part.resize(static_cast<std::size_t>((past - first) * layer_size));
+    for (std::size_t i = 0; i < count; ++i) {
+      const auto plane_number = static_cast<std::ptrdiff_t>(i);
+      if (ranks.rank() == 0) {
+        for (int layer = first; layer < past; ++layer) {
+          // Beyond the ghosts at an end lies what the other end has, or nothing.
+          int from = layer;
+          if (grid().periodic_slabs() && layer < -1) from += end;
+          if (grid().periodic_slabs() && layer > end) from -= end;
+          const auto to = part.begin() + (layer - first) * layer_size;
+          if (from < -1 || from > end) {
+            std::fill_n(to, layer_size, 0.0);
+          } else {
+            std::copy_n(whole.begin() + plane_number * plane + start_in_whole(from), layer_size, to);
+          }
+        }
+        if (rank > 0) ranks.send(rank, std::as_bytes(std::span(part)));
+      } else {
+        ranks.receive(0, std::as_writable_bytes(std::span(part)));
+      }
+      if (ranks.rank() == rank)
+        std::copy(part.begin(), part.end(),
+                  state.populations.begin() + plane_number * populations_.plane() +
+                      populations_.layer_start(first));
+    }
+  }
+  state.rows_complete = true;
+}
+
+std::size_t Flow::values_of_whole_state() const {
+  const auto count = static_cast<std::size_t>(populations_.lattice().count);
+  if (!halo_) return populations_.size();
+  if (packs_alone_) {
+    const std::vector<std::uint8_t> needed = needed_nodes();
+    if (!needed.empty()) return count * static_cast<std::size_t>(populations_.packing_of(needed).plane);
+  }
+  Grid alone = grid();
+  alone.ranks = 1;
+  alone.rank = 0;
+  return count * static_cast<std::size_t>(Populations::plane_of(alone));
 }
 
 void Flow::give_back(const State& state, std::span<const double> positions,
@@ -268,16 +438,18 @@ void Flow::give_back(const State& state, std::span<const double> positions,
   populations_.set_parity(state.parity);
   rules_applied_ = state.rules_applied;
   sides_complete_ = state.sides_complete;
+  if (halo_) halo_->set_complete(state.rows_complete);
 }
 
 // Links of solid nodes that nothing looks at before the step.
 bool Flow::reflects_within_step() const {
-  return !solid_node_links_.empty() && !obstacles_ && !wet_ && bodies_.empty() && saturated_.empty();
+  return !halo_ && !solid_node_links_.empty() && !obstacles_ && !wet_ && bodies_.empty() &&
+         saturated_.empty();
 }
 
 void Flow::apply_rules(Parity parity, bool sides_complete, bool within_step) {
   const bool compressible = settings_.equilibrium == EquilibriumModel::compressible;
-  exchange_and_reflect(populations_, parity, settings_.sides);
+  exchange_and_reflect(populations_, parity, settings_.sides, {halo_.get(), halo_ && looks_beside()});
   if (obstacles_) obstacle_links_.reflect(populations_, parity, compressible);
   if (wet_) wet_links_.reflect(populations_, parity, compressible);
   if (!bodies_.empty()) bodies_.links().reflect(populations_, parity, compressible, settings_.acceleration);
@@ -286,12 +458,28 @@ void Flow::apply_rules(Parity parity, bool sides_complete, bool within_step) {
   if (!links_at_sides_.empty()) links_at_sides_.reflect(populations_, parity);
   if (!solid_node_links_.empty() && !within_step) solid_node_links_.reflect(populations_, parity);
   if (obstacles_) obstacle_edges_.close(populations_, parity, compressible);
+  // Edges replace what fluid nodes of two slabs may exchange.
+  const auto tell = [&] {
+    if (!halo_ || obstacle_edges_.count() + wet_edges_.count() == 0) return;
+#pragma omp master
+    {
+      halo_->ruled(parity);
+      halo_->tell_of_rules(populations_, parity);
+    }
+#pragma omp barrier
+  };
+  if (obstacles_ && wet_) tell();
   if (wet_) wet_edges_.close(populations_, parity, compressible);
+  tell();
   complete_open_sides(populations_, parity, cells_, settings_.sides, settings_.equilibrium,
                       settings_.force == ForceModel::guo ? settings_.acceleration : std::array<double, 3>{},
                       sides_complete);
   bodies_.links().note(populations_, parity);
   outline_links_.note(populations_, parity);
+  if (halo_) {
+#pragma omp master
+    halo_->ruled(parity);
+  }
 }
 
 BodyLoad Flow::body_load(std::size_t body) const {
@@ -353,7 +541,9 @@ WallCounts Flow::wall_counts() const {
 // Threads meet several times in a step; on few nodes that would take longer than the nodes themselves.
 int Flow::threads() const {
   constexpr std::size_t nodes_per_thread = 8192;
-  return std::clamp(static_cast<int>(grid().size() / nodes_per_thread), 1, omp_get_max_threads());
+  const auto nodes =
+      static_cast<std::size_t>(grid().past_row() - grid().first_row()) * static_cast<std::size_t>(grid().nx);
+  return std::clamp(static_cast<int>(nodes / nodes_per_thread), 1, omp_get_max_threads());
 }
 
 void Flow::run(std::size_t steps) {
@@ -365,6 +555,10 @@ void Flow::run(std::size_t steps) {
 #pragma omp parallel num_threads(threads())
   for (std::size_t n = 0; n < steps; ++n) {
     const Parity parity = n % 2 == 0 ? start : other;
+    if (halo_ && n > 0) {
+#pragma omp master
+      halo_->stepped(parity);
+    }
     if (n > 0 || !rules_applied_) apply_rules(parity, n == 0 && sides_complete_, within_step && n > 0);
     if (measure_bodies_ && !bodies_.empty()) bodies_.add_loads(populations_, parity);
     if (saturated_.empty()) {
@@ -376,6 +570,7 @@ void Flow::run(std::size_t steps) {
     saturated_.replace(populations_, parity, parameters_, settings_.equilibrium);
   }
   populations_.set_parity(steps % 2 == 0 ? start : other);
+  if (halo_ && steps > 0) halo_->stepped(populations_.parity());
   if (steps > 0) rules_applied_ = sides_complete_ = false;
 }
 

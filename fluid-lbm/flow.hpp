@@ -37,6 +37,7 @@ struct FlowSettings {
   Storage storage = Storage::double_precision;
   bool drop_solid_nodes = true;  // from memory, where that saves a tenth of it; changes no bit of any result
   RefillRule refill = RefillRule::extrapolated_nonequilibrium;  // behind moving discs and spheres
+  Ranks* ranks = nullptr;  // that share the grid, as the grid itself says; outlive the flow
 
   [[nodiscard]] StepChoice step() const {
     return {grid.dimension(), collision, equilibrium, force, viscosity, storage};
@@ -113,8 +114,16 @@ public:
     Parity parity = Parity::odd;
     bool rules_applied = false;
     bool sides_complete = false;
+    bool rows_complete = true;  // of a slab (halo.hpp)
   };
   void copy_to(State& state) const;
+  /// The same for a checkpoint, to be called by all ranks: the first one gets the state of the whole grid,
+  /// laid out as in one process that holds it.
+  void gather(State& state);
+  /// And back: of a state that the first rank has, all get their part. `state` as `copy_to` made it.
+  void scatter(State& state);
+  /// Length of the populations that `gather` gives.
+  [[nodiscard]] std::size_t values_of_whole_state() const;
   /// The wet surface has to be given as it was when the state was copied; no node is given new populations.
   void give_back(const State& state, std::span<const double> positions, std::span<const double> velocities,
                  double velocity_scale);
@@ -155,8 +164,14 @@ private:
   MoveCounts place(std::span<const double> positions, std::span<const double> velocities,
                    double velocity_scale, bool fill);
   void link_obstacles();
+  // The nodes that need memory where the solid's has been given up; empty where that saves too little.
+  [[nodiscard]] std::vector<std::uint8_t> needed_nodes() const;
   void drop_solid_nodes();
   void apply_rules(Parity parity, bool sides_complete, bool within_step = false);
+  // Where ranks share the grid: what the rules wrote beyond this one's slab goes there, before anything
+  // moves.
+  void settle();
+  [[nodiscard]] bool looks_beside() const;
   [[nodiscard]] bool reflects_within_step() const;
   [[nodiscard]] int threads() const;
 
@@ -164,6 +179,7 @@ private:
   Populations populations_;
   Cells cells_;
   CollideAndStream step_;
+  std::unique_ptr<Halo> halo_;                         // null when the grid is not shared
   std::unique_ptr<const ViscosityTable> viscosities_;  // of a generalised Newtonian fluid
   CollisionParameters parameters_;
   bool rules_applied_ = false;   // since the last step or move
@@ -186,6 +202,7 @@ private:
   std::optional<WallRule> outline_rule_;
   std::vector<std::uint32_t> outline_bodies_;  // per node of the obstacles' outlines
   std::vector<double> placed_;                 // positions and velocities as last given
+  bool packs_alone_ = false;                   // one process would give up memory of solid nodes
   std::vector<double> obstacle_bounds_;        // left, bottom, right, top in lattice coordinates
 };
 

@@ -25,14 +25,40 @@ Plan Fluid::configure(Scene& scene, const std::string& role) {
   return plan;
 }
 
+// Every rank has to have its memory, or none goes on.
+std::unique_ptr<Flow> Fluid::make_flow() const {
+  FlowSettings settings = scene_.flow;
+  evaluate_sides(scene_, 0.0, settings.sides);
+  const int ranks = ranks_ == nullptr ? 1 : ranks_->count();
+  if (ranks != scene_.ranks) {
+    throw BadInput(
+        "fluid.ranks",
+        fmt::format("the scene shares its lattice among {} ranks, but this fluid runs as {}: start it "
+                    "with mpirun -n {} fluid-lbm-mpi, or change fluid.ranks",
+                    scene_.ranks, ranks, scene_.ranks));
+  }
+  if (ranks_ == nullptr) return std::make_unique<Flow>(settings);
+  settings.ranks = ranks_;
+  settings.grid.ranks = ranks;
+  settings.grid.rank = ranks_->rank();
+  std::unique_ptr<Flow> flow;
+  try {
+    flow = std::make_unique<Flow>(settings);
+  } catch (const std::bad_alloc&) {
+    flow.reset();
+  }
+  std::uint64_t lacking = flow ? 0 : 1;
+  ranks_->combine({&lacking, 1});
+  if (lacking != 0) throw LackOfMemory();
+  return flow;
+}
+
 v1::Exchange Fluid::start(const v1::Exchange& initial, const std::filesystem::path& folder) {
   sides_constant_ = std::all_of(scene_.profiles.begin(), scene_.profiles.end(),
                                 [](const SideProfile& profile) { return profile.constant_in_time(); }) &&
                     std::all_of(scene_.body_force.begin(), scene_.body_force.end(),
                                 [](const Expression& force) { return force.constant_in_time(); });
-  FlowSettings settings = scene_.flow;
-  evaluate_sides(scene_, 0.0, settings.sides);
-  flow_ = std::make_unique<Flow>(settings);
+  flow_ = make_flow();
   output_ = std::make_unique<Output>(folder);
   if (!scene_.obstacle_connectivity.empty()) {
     flow_->set_obstacles(scene_.obstacle_positions.size() / 2, scene_.obstacle_connectivity,
@@ -84,8 +110,11 @@ void Fluid::set_initial_fields() {
   // Velocities hold half of a body force, populations do not.
   const auto shift = flow_->settings().velocity_shift();
   Fields fields;
+  for (auto* field : {&fields.excess, &fields.velocity_x, &fields.velocity_y}) field->resize(grid.size());
+  if (grid.nz > 0) fields.velocity_z.resize(grid.size());
   for (int z = 0; z < grid.layers(); ++z) {
     for (int y = 0; y < grid.ny; ++y) {
+      if (!grid.owns(y, z)) continue;
       for (int x = 0; x < grid.nx; ++x) {
         const double at_z = grid.nz > 0 ? grid.z(z) : 0.0;
         const auto velocity = [&](std::size_t axis) {
@@ -94,10 +123,11 @@ void Fluid::set_initial_fields() {
         };
         const double pressure =
             scene_.initial_pressure ? (*scene_.initial_pressure)(grid.x(x), grid.y(y), at_z, 0) : 0.0;
-        fields.excess.push_back(scene_.units.excess(pressure));
-        fields.velocity_x.push_back(velocity(0));
-        fields.velocity_y.push_back(velocity(1));
-        if (grid.nz > 0) fields.velocity_z.push_back(velocity(2));
+        const std::size_t k = grid.index(x, y, z);
+        fields.excess[k] = scene_.units.excess(pressure);
+        fields.velocity_x[k] = velocity(0);
+        fields.velocity_y[k] = velocity(1);
+        if (grid.nz > 0) fields.velocity_z[k] = velocity(2);
       }
     }
   }
@@ -185,7 +215,7 @@ AdvanceResult Fluid::result() {
   if (grains_.active())
     grains_.write(grain_loads(), scene_.grain_method == GrainMethod::partially_saturated, advanced.outputs);
   if (watches_need_fields(scene_)) evaluate_fields();
-  advanced.watches = evaluate_watches(scene_, fields_, *flow_, end_time_, total);
+  advanced.watches = evaluate_watches(scene_, fields_, *flow_, end_time_, total, ranks_);
   advanced.work = {.steps = steps_,
                    .updates = updates_,
                    .bytes_per_update = flow_->bytes_per_update(),
@@ -220,6 +250,8 @@ void Fluid::accept() {
 
 std::vector<std::string> Fluid::frame(std::uint64_t number, double time) {
   evaluate_fields();
+  gather_fields(ranks_, flow_->grid(), fields_);
+  if (!first_rank()) return {};
   return output_->write(number, time, *flow_, fields_, scene_.units, pressure_, traction_);
 }
 

@@ -17,6 +17,10 @@ namespace estuary::fluid {
 
 class Fluid : public Participant {
 public:
+  Fluid() = default;
+  /// One of several processes that share the lattice and carry out the same calls (ranks.hpp). What depends
+  /// on the clock or on what the coupler says is the first one's; it alone writes and reads files.
+  explicit Fluid(Ranks& ranks) : ranks_(&ranks) {}
   [[nodiscard]] Identity identity() const override;
   Plan configure(Scene& scene, const std::string& role) override;
   v1::Exchange start(const v1::Exchange& initial, const std::filesystem::path& folder) override;
@@ -59,6 +63,8 @@ private:
   void log_walls();
   void check_progress(ProgressBoard& progress, double fraction, const std::string& note);
   [[nodiscard]] std::size_t steps_at_once() const;
+  [[nodiscard]] bool first_rank() const { return ranks_ == nullptr || ranks_->rank() == 0; }
+  [[nodiscard]] std::unique_ptr<Flow> make_flow() const;
   AdvanceResult result();
   void check_result(const AdvanceResult& advanced);
 
@@ -69,6 +75,7 @@ private:
     double fields_and_loads = 0;
   };
 
+  Ranks* ranks_ = nullptr;  // null: the whole lattice is this process's
   FluidScene scene_;
   std::unique_ptr<Flow> flow_;
   std::unique_ptr<Output> output_;
@@ -92,9 +99,9 @@ private:
     std::vector<double> nodes;  // force on each
   };
   Exchanged exchanged_;
-  std::vector<double> previous_x_;  // steady mode: velocities and loads at the last check
-  std::vector<double> previous_y_;
-  std::vector<double> previous_z_;
+  NodeValues previous_x_;  // steady mode: velocities and loads at the last check
+  NodeValues previous_y_;
+  NodeValues previous_z_;
   std::vector<double> previous_load_;
   bool sides_constant_ = true;  // and the body force
   std::uint64_t steps_ = 0;

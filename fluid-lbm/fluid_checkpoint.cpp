@@ -1,15 +1,75 @@
 // The participant's state in a file.
 #include <algorithm>
+#include <optional>
 
 #include "checkpoint.hpp"
 #include "fluid.hpp"
 
 namespace estuary::fluid {
+namespace {
+
+// A checkpoint as all ranks read it: the first one has the file, the others hear what is in it, or what is
+// wrong with it.
+class SharedCheckpoint {
+public:
+  SharedCheckpoint(const std::filesystem::path& file, Ranks* ranks) : ranks_(ranks) {
+    on_first_rank([&] { reader_.emplace(file); });
+  }
+  void read(const std::string& name, std::span<double> values) const {
+    on_first_rank([&] { reader_->read(name, values); });
+    if (ranks_ != nullptr && !values.empty()) ranks_->broadcast(0, std::as_writable_bytes(values));
+  }
+  [[nodiscard]] std::uint64_t read_count(const std::string& name) const {
+    std::uint64_t count = 0;
+    on_first_rank([&] { count = reader_->read_count(name); });
+    return as_first_rank(ranks_, count);
+  }
+  [[nodiscard]] std::vector<double> read_all(const std::string& name) const {
+    std::vector<double> values;
+    on_first_rank([&] { values = reader_->read_all(name); });
+    broadcast_values(ranks_, values);
+    return values;
+  }
+  // Only there, because it is large: the others get nothing.
+  void read_on_first_rank(const std::string& name, std::vector<double>& values, std::size_t count) const {
+    on_first_rank([&] {
+      values.assign(count, 0.0);
+      reader_->read(name, values);
+    });
+  }
+
+private:
+  template <class Read>
+  void on_first_rank(const Read& read) const {
+    if (ranks_ == nullptr) {
+      read();
+      return;
+    }
+    std::string error;
+    if (ranks_->rank() == 0) {
+      try {
+        read();
+      } catch (const std::exception& failure) {
+        error = *failure.what() != 0 ? failure.what() : "the checkpoint cannot be read";
+      }
+    }
+    error.resize(as_first_rank(ranks_, error.size()));
+    if (error.empty()) return;
+    ranks_->broadcast(0, std::as_writable_bytes(std::span(error)));
+    throw std::runtime_error(error);
+  }
+
+  Ranks* ranks_;
+  std::optional<CheckpointReader> reader_;
+};
+
+}  // namespace
 
 void Fluid::save(const std::filesystem::path& file) {
-  CheckpointWriter writer(file);
   Flow::State state;
-  flow_->copy_to(state);
+  flow_->gather(state);
+  if (!first_rank()) return;
+  CheckpointWriter writer(file);
   writer.add("populations", state.populations);
   if (!state.body_memory.empty()) writer.add("memory of bodies' walls", state.body_memory);
   if (!state.outline_memory.empty()) writer.add("memory of outlines' walls", state.outline_memory);
@@ -36,10 +96,11 @@ void Fluid::save(const std::filesystem::path& file) {
 }
 
 void Fluid::load(const std::filesystem::path& file) {
-  const CheckpointReader reader(file);
+  const SharedCheckpoint reader(file, ranks_);
   Flow::State state;
   flow_->copy_to(state);
-  reader.read("populations", state.populations);
+  reader.read_on_first_rank("populations", state.populations, flow_->values_of_whole_state());
+  flow_->scatter(state);
   if (!state.body_memory.empty()) state.body_memory = reader.read_all("memory of bodies' walls");
   if (!state.outline_memory.empty()) state.outline_memory = reader.read_all("memory of outlines' walls");
   if (!state.grain_loads.empty()) state.grain_loads = reader.read_all("loads of grains");
@@ -65,7 +126,7 @@ void Fluid::load(const std::filesystem::path& file) {
     reader.read("velocity", accepted_.velocity);
     latest_ = accepted_;
   }
-  grains_.load(reader);
+  grains_.load([&](const char* name, std::span<double> values) { reader.read(name, values); });
   time_ = end_time_ = reader.read_all("time").at(0);
   place_bodies(time_, 1.0, false);
   restart_body_loads();

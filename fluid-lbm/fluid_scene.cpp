@@ -89,6 +89,7 @@ FluidScene read_fluid_scene(Scene& scene, const std::string& role, Plan& plan) {
   read_time_step(fluid, result, plan);
   read_model(fluid, dimension, result, plan);
   read_obstacles(fluid, result, plan);
+  read_ranks(fluid, result, plan);
   read_steady(fluid, result);
   read_initial(fluid, dimension, result);
   read_watches(root, role, dimension, result);

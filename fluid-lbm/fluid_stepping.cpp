@@ -58,7 +58,7 @@ void Fluid::advance_transient(const Window& window, const Motion& end, ProgressB
     if (!all_fixed) place_bodies(time, done == steps ? 1.0 : fraction, true);
     set_time(time);
     add_exchanged(static_cast<double>(count) / rounded);
-    if (Clock::now() - reported > std::chrono::milliseconds(100)) {
+    if (as_first_rank(ranks_, Clock::now() - reported > std::chrono::milliseconds(100))) {
       check_progress(progress, fraction, fmt::format("step {} of {}", done, steps));
       check_state();
       reported = Clock::now();
@@ -77,7 +77,7 @@ double Fluid::advance_steady(const Window& window, const Motion& end, ProgressBo
   const auto between = static_cast<std::uint64_t>(steps_between_checks(flow_->grid().nx, flow_->grid().ny));
   fields_current_ = false;
   evaluate_fields();
-  update_velocities(fields_, flow_->cells(), previous_x_, previous_y_, previous_z_);
+  update_velocities(fields_, flow_->cells(), previous_x_, previous_y_, previous_z_, ranks_);
   previous_load_.clear();
   restart_exchanged();
   add_exchanged(1.0);
@@ -101,7 +101,7 @@ double Fluid::advance_steady(const Window& window, const Motion& end, ProgressBo
     add_exchanged(1.0);
     evaluate_loads();
     const VelocityChange change =
-        update_velocities(fields_, flow_->cells(), previous_x_, previous_y_, previous_z_);
+        update_velocities(fields_, flow_->cells(), previous_x_, previous_y_, previous_z_, ranks_);
     of_flow.add(relative(change.change, change.norm));
     of_load.add(load_change());
     const double remaining = std::max(of_flow.estimate(), of_load.estimate());
@@ -141,12 +141,12 @@ void Fluid::run(std::size_t steps) {
 std::size_t Fluid::steps_at_once() const {
   const auto nodes = static_cast<double>(flow_->cells().fluid_count());
   const double per_second = updates_ > 20 * nodes ? updates_ / seconds_.collide_and_stream : 2e7;
-  return static_cast<std::size_t>(std::clamp(0.1 * per_second / nodes, 1.0, 1e6));
+  return as_first_rank(ranks_, static_cast<std::size_t>(std::clamp(0.1 * per_second / nodes, 1.0, 1e6)));
 }
 
 void Fluid::check_progress(ProgressBoard& progress, double fraction, const std::string& note) {
   progress.report(fraction, note);
-  if (progress.stop_requested()) throw Interrupted();
+  if (as_first_rank(ranks_, progress.stop_requested())) throw Interrupted();
 }
 
 void Fluid::evaluate_fields() {
@@ -174,12 +174,13 @@ double Fluid::load_change() {
 void Fluid::check_state() {
   evaluate_fields();
   steps_checked_ = steps_;
-  const auto bad = find_bad_node(fields_, flow_->cells());
+  const auto bad = find_bad_node(fields_, flow_->cells(), ranks_);
   if (!bad) return;
   const Grid& grid = flow_->grid();
   std::string saved;
+  gather_fields(ranks_, grid, fields_);
   try {
-    saved = output_->write_diverged(*flow_, fields_, scene_.units);
+    if (first_rank()) saved = output_->write_diverged(*flow_, fields_, scene_.units);
   } catch (const std::exception& error) {
     saved = fmt::format("nowhere: {}", error.what());
   }

@@ -116,7 +116,7 @@ void Fluid::evaluate_loads() {
     wet_load_stale_ = false;
   }
   wet_load_.evaluate(flow_->populations(), scene_.flow.equilibrium, scene_.flow.rates, pressure_,
-                     scene_.viscous_traction ? &traction_ : nullptr);
+                     scene_.viscous_traction ? &traction_ : nullptr, ranks_);
   if (scene_.exchange_loads) match_nodes(*flow_->wet_surface(), exchanged_.nodes, pressure_, traction_);
   if (scene_.match_force) {
     const Grid& grid = flow_->grid();

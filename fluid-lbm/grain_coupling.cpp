@@ -101,12 +101,12 @@ void GrainCoupling::save(CheckpointWriter& writer) const {
   writer.add("grain spin", start_.spin);
 }
 
-void GrainCoupling::load(const CheckpointReader& reader) {
+void GrainCoupling::load(const std::function<void(const char*, std::span<double>)>& read) {
   if (!active_) return;
-  reader.read("grain centre", start_.centre);
-  reader.read("grain radius", start_.radius);
-  reader.read("grain velocity", start_.velocity);
-  reader.read("grain spin", start_.spin);
+  read("grain centre", start_.centre);
+  read("grain radius", start_.radius);
+  read("grain velocity", start_.velocity);
+  read("grain spin", start_.spin);
   end_ = start_;
 }
 

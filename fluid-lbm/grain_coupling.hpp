@@ -6,8 +6,8 @@
 // Feng, Michaelides, Comput. Fluids 38 (2009)).
 #pragma once
 
-#include <filesystem>
-#include <optional>
+#include <functional>
+#include <span>
 
 #include "checkpoint.hpp"
 #include "grain_states.hpp"
@@ -34,7 +34,8 @@ public:
   void write(const GrainLoads& loads, bool filled, v1::Exchange& outputs) const;
   void accept() { start_ = end_; }
   void save(CheckpointWriter& writer) const;
-  void load(const CheckpointReader& reader);
+  /// `read(name, values)` fills the values with what was saved under the name.
+  void load(const std::function<void(const char*, std::span<double>)>& read);
 
 private:
   bool active_ = false;

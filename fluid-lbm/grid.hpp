@@ -19,6 +19,9 @@ struct Grid {
   int nz = 0;
   double z0 = 0;
   bool periodic_z = false;
+  // Several processes may share a grid, each with a slab of layers: rows in the plane, planes in space.
+  int ranks = 1;
+  int rank = 0;
 
   [[nodiscard]] int dimension() const { return nz > 0 ? 3 : 2; }
   [[nodiscard]] int layers() const { return nz > 0 ? nz : 1; }
@@ -27,6 +30,34 @@ struct Grid {
   [[nodiscard]] std::size_t size() const {
     return static_cast<std::size_t>(nx) * static_cast<std::size_t>(rows());
   }
+  /// Nodes along the outermost axis, and where along it a node lies.
+  [[nodiscard]] int slab_layers() const { return nz > 0 ? nz : ny; }
+  [[nodiscard]] int slab_layer(int y, int z) const { return nz > 0 ? z : y; }
+  /// Layers begin <= s < end of a rank, all when there is one; the first ranks have one more where they do
+  /// not come out even.
+  [[nodiscard]] int first_layer_of(int r) const {
+    return r * (slab_layers() / ranks) + (r < slab_layers() % ranks ? r : slab_layers() % ranks);
+  }
+  [[nodiscard]] int first_layer() const { return first_layer_of(rank); }
+  [[nodiscard]] int past_layer() const { return first_layer_of(rank + 1); }
+  [[nodiscard]] bool shared() const { return ranks > 1; }
+  /// Whether the node is this process's, and whose it is.
+  [[nodiscard]] bool owns(int y, int z = 0) const {
+    if (ranks == 1) return true;
+    const int layer = slab_layer(y, z);
+    return layer >= first_layer() && layer < past_layer();
+  }
+  [[nodiscard]] int owner(int y, int z = 0) const {
+    const int whole = slab_layers() / ranks;
+    const int more = slab_layers() % ranks;
+    const int layer = slab_layer(y, z);
+    return layer < more * (whole + 1) ? layer / (whole + 1) : more + (layer - more * (whole + 1)) / whole;
+  }
+  /// This process's rows: begin <= row < end.
+  [[nodiscard]] int first_row() const { return nz > 0 ? first_layer() * ny : first_layer(); }
+  [[nodiscard]] int past_row() const { return nz > 0 ? past_layer() * ny : past_layer(); }
+  [[nodiscard]] bool periodic_slabs() const { return nz > 0 ? periodic_z : periodic_y; }
+
   /// Number of a node, x fastest.
   [[nodiscard]] std::size_t index(int x, int y, int z = 0) const {
     return (static_cast<std::size_t>(z) * static_cast<std::size_t>(ny) + static_cast<std::size_t>(y)) *

@@ -11,8 +11,10 @@ constexpr double end_tolerance = 1e-9;
 
 }  // namespace
 
-Links::Links(const Grid& grid)
-    : grid_(grid), candidate_of_(static_cast<std::size_t>(grid.nx) * static_cast<std::size_t>(grid.ny), -1) {}
+Links::Links(const Grid& grid, Ranks* ranks)
+    : grid_(grid),
+      ranks_(ranks),
+      candidate_of_(static_cast<std::size_t>(grid.nx) * static_cast<std::size_t>(grid.ny), -1) {}
 
 void Links::clear() {
   candidates_.clear();
@@ -177,7 +179,7 @@ void Links::reflect(Populations& populations, Parity parity, bool compressible) 
   for (std::size_t group = 0; group < groups; ++group) {
     const std::size_t begin = first_of_node_[group];
     const std::size_t end = first_of_node_[group + 1];
-    if (begin == end) continue;
+    if (begin == end || !grid_.owns(places_[begin].node.y)) continue;
     const std::ptrdiff_t node = populations.node(places_[begin].node.x, places_[begin].node.y);
     double density = 1;
     if (compressible) {
@@ -207,19 +209,30 @@ Force Links::force_of(std::size_t link, const Populations& populations) const {
   return {fx, fy, (place.node.x + place.q * c[0]) * fy - (place.node.y + place.q * c[1]) * fx};
 }
 
+const std::vector<Force>& Links::forces(const Populations& populations) const {
+  forces_.assign(rules_.size(), {});
+  for (std::size_t n = 0; n < rules_.size(); ++n) {
+    if (grid_.owns(places_[n].node.y)) forces_[n] = force_of(n, populations);
+  }
+  if (!forces_.empty()) share(ranks_, {&forces_.front().x, 3 * forces_.size()});
+  return forces_;
+}
+
 Force Links::force(const Populations& populations, std::span<const std::uint32_t> bodies,
                    std::uint32_t body) const {
   Force total;
+  const std::vector<Force>& of_link = forces(populations);
   for (std::size_t n = 0; n < rules_.size(); ++n) {
     if (!bodies.empty() && bodies[places_[n].surface_node] != body) continue;
-    total = total + force_of(n, populations);
+    total = total + of_link[n];
   }
   return total;
 }
 
 void Links::add_node_forces(const Populations& populations, double weight, std::vector<double>& force) const {
+  const std::vector<Force>& of_link = forces(populations);
   for (std::size_t n = 0; n < rules_.size(); ++n) {
-    const Force one = weight * force_of(n, populations);
+    const Force one = weight * of_link[n];
     const Place& place = places_[n];
     force[2 * place.surface_node] += (1 - place.along) * one.x;
     force[2 * place.surface_node + 1] += (1 - place.along) * one.y;

@@ -23,11 +23,12 @@
 
 #include "cells.hpp"
 #include "populations.hpp"
+#include "ranks.hpp"
 #include "surface.hpp"
 
 namespace estuary::fluid {
 
-/// Force [lattice units] and moment about node (0, 0) on a surface.
+/// Force [lattice units] and moment about node (0, 0) on a surface. Three numbers next to each other.
 struct Force {
   double x = 0;
   double y = 0;
@@ -48,7 +49,8 @@ struct LinkCounts {
 
 class Links {
 public:
-  explicit Links(const Grid& grid);
+  /// Where ranks share the grid, every one finds all links and reflects at those of its own nodes.
+  explicit Links(const Grid& grid, Ranks* ranks = nullptr);
 
   /// Finds the links of fluid nodes to nodes that are solid because of `reason`, and their cuts with the
   /// surface. Costs as many operations as the surface is long.
@@ -81,6 +83,8 @@ public:
 
 private:
   [[nodiscard]] Force force_of(std::size_t link, const Populations& populations) const;
+  // Of all links, in their order.
+  const std::vector<Force>& forces(const Populations& populations) const;
   // What the rule needs, ready to use after an even [0] and an odd [1] step.
   struct Rule {
     std::array<std::ptrdiff_t, 2> leaving;
@@ -106,6 +110,8 @@ private:
            const Populations& layout);
 
   Grid grid_;
+  Ranks* ranks_;
+  mutable std::vector<Force> forces_;
   std::vector<std::int32_t> candidate_of_;  // per node, -1 without
   std::vector<Candidate> candidates_;
   std::vector<Place> places_;

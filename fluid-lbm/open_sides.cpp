@@ -278,8 +278,9 @@ void let_all_out(Populations& p, Parity parity, const Cells& cells, int name, Si
   const Places<Lattice> usual(p, parity, p.node(0, 0, 0));
 #pragma omp single
   side.next.resize(static_cast<std::size_t>(frame.size()));
+  const OwnNodes own_nodes(p, frame);
 #pragma omp for schedule(static)
-  for (int k = 0; k < frame.size(); ++k) {
+  for (int k = own_nodes.first(); k < own_nodes.past(); ++k) {
     const std::array<int, 3> at = frame.node(k);
     const std::array<int, 3> inner = frame.inner(at);
     if (!cells.fluid(at[0], at[1], at[2]) || !cells.fluid(inner[0], inner[1], inner[2])) continue;
@@ -301,8 +302,9 @@ void complete(Populations& p, Parity parity, const Cells& cells, int name, Sides
   const SideFrame frame(name, {p.nx(), p.ny(), p.nz() > 0 ? p.nz() : 1});
   const Places<Lattice> usual(p, parity, p.node(0, 0, 0));
   const bool from_inside = side.kind == SideKind::pressure || side.kind == SideKind::outflow;
+  const OwnNodes own_nodes(p, frame);
 #pragma omp for schedule(static) nowait
-  for (int k = 0; k < frame.size(); ++k) {
+  for (int k = own_nodes.first(); k < own_nodes.past(); ++k) {
     const std::array<int, 3> at = frame.node(k);
     if (!cells.fluid(at[0], at[1], at[2])) continue;
     if (context.meets_others && frame.on_rim(k, Lattice::dimension) &&
@@ -337,8 +339,9 @@ void complete_corners(Populations& p, Parity parity, const Cells& cells, const S
   for (int name = 0; name < side_count(Lattice::dimension); ++name) {
     if (!is_open(sides[static_cast<std::size_t>(name)].kind)) continue;
     const SideFrame frame(name, {p.nx(), p.ny(), p.nz() > 0 ? p.nz() : 1});
+    const OwnNodes own_nodes(p, frame);
 #pragma omp for schedule(static) nowait
-    for (int k = 0; k < frame.size(); ++k) {
+    for (int k = own_nodes.first(); k < own_nodes.past(); ++k) {
       if (!frame.on_rim(k, Lattice::dimension)) continue;
       const std::array<int, 3> at = frame.node(k);
       if (!cells.fluid(at[0], at[1], at[2])) continue;

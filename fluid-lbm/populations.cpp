@@ -27,11 +27,22 @@ constexpr std::ptrdiff_t layers(int nz) {
   return nz > 0 ? nz + 2 : 1;
 }
 
+// Rows in the plane, planes in space.
+int stored_layers(const Grid& grid) {
+  return grid.shared() ? grid.past_layer() - grid.first_layer() + 2 * Populations::halo
+                       : grid.slab_layers() + 2;
+}
+
+// Of all layers that are stored.
+std::ptrdiff_t stored_rows(const Grid& grid) {
+  return grid.nz > 0 ? std::ptrdiff_t{stored_layers(grid)} * (grid.ny + 2) : stored_layers(grid);
+}
+
 // The planes start a ninth (a twenty-first) of a page apart modulo the page, so that values of one node in
 // different planes do not compete for the same cache sets.
-constexpr std::ptrdiff_t plane_size(int nx, int ny, int nz) {
-  return round_up(layers(nz) * (ny + 2) * row_pitch(nx) + 2 * cache_line, page) +
-         (nz > 0 ? 3 : 7) * cache_line;
+std::ptrdiff_t plane_size(const Grid& grid) {
+  return round_up(stored_rows(grid) * row_pitch(grid.nx) + 2 * cache_line, page) +
+         (grid.nz > 0 ? 3 : 7) * cache_line;
 }
 
 void* reserve(std::size_t bytes) {
@@ -53,18 +64,25 @@ Populations::Populations(const Grid& grid, Storage storage)
       nx_(grid.nx),
       ny_(grid.ny),
       nz_(grid.nz),
+      first_row_(grid.first_row()),
+      past_row_(grid.past_row()),
+      stored_layers_(stored_layers(grid)),
       pitch_(row_pitch(nx_)),
       layer_((ny_ + 2) * pitch_),
-      plane_(plane_size(nx_, ny_, nz_)),
+      plane_(plane_size(grid)),
       origin_((nz_ > 0 ? layer_ : 0) + pitch_ + cache_line),
       size_(static_cast<std::size_t>(lattice_.count * plane_)) {
   for (int i = 0; i < lattice_.count; ++i) {
     const auto& c = lattice_.velocity[i];
     steps_[static_cast<std::size_t>(i)] = c[2] * layer_ + c[1] * pitch_ + c[0];
   }
+  static_assert(row_start_padding == cache_line);
+  // Nodes are counted from the first stored layer, which is not the grid's where ranks share it.
+  if (grid.shared()) shift_ = (halo - 1 - grid.first_layer()) * (nz_ > 0 ? layer_ : pitch_);
+  origin_ += shift_;
   reserve_memory(storage);
   // Each thread touches first what it will work on.
-  const std::ptrdiff_t all_rows = layers(nz_) * (ny_ + 2);
+  const std::ptrdiff_t all_rows = stored_rows(grid);
   visit([&](auto* const values) {
     for (int i = 0; i < lattice_.count; ++i) {
 #pragma omp parallel for schedule(static)
@@ -86,10 +104,18 @@ void Populations::reserve_memory(Storage storage) {
   }
 }
 
-void Populations::pack(const std::vector<std::uint8_t>& needed) {
-  std::vector<double> before;
-  copy_to(before);
-  const std::ptrdiff_t plane_before = plane_;
+std::ptrdiff_t Populations::held_node(int x, int y, int z) const {
+  if (rows() == past_row_ - first_row_) return node(x, y, z);
+  // Stored layers follow each other; of the two ways to name a layer beyond a periodic side one lies there.
+  int& layer = nz_ > 0 ? z : y;
+  const int count = nz_ > 0 ? nz_ : ny_;
+  const int first = (nz_ > 0 ? first_row_ / ny_ : first_row_) - halo;
+  if (layer < first) layer += count;
+  if (layer >= first + stored_layers_) layer -= count;
+  return node(x, y, z);
+}
+
+Populations::Packing Populations::packing_of(const std::vector<std::uint8_t>& needed) const {
   std::vector<std::int32_t> places(static_cast<std::size_t>(layers(nz_) * (ny_ + 2) * pitch_), -1);
   const bool space = nz_ > 0;
   std::ptrdiff_t next = 0;
@@ -108,11 +134,21 @@ void Populations::pack(const std::vector<std::uint8_t>& needed) {
                            static_cast<std::size_t>(y)) *
                               static_cast<std::size_t>(nx_) +
                           static_cast<std::size_t>(x)] != 0;
-        if (holds) places[static_cast<std::size_t>(node(x, y, z))] = static_cast<std::int32_t>(next++);
+        if (holds)
+          places[static_cast<std::size_t>(number_in_grid(node(x, y, z)))] = static_cast<std::int32_t>(next++);
       }
     }
   }
-  plane_ = round_up(next + 2 * cache_line, page) + (space ? 3 : 7) * cache_line;
+  return {std::move(places), round_up(next + 2 * cache_line, page) + (space ? 3 : 7) * cache_line};
+}
+
+void Populations::pack(const std::vector<std::uint8_t>& needed) {
+  std::vector<double> before;
+  copy_to(before);
+  const std::ptrdiff_t plane_before = plane_;
+  Packing packing = packing_of(needed);
+  const std::vector<std::int32_t>& places = packing.places;
+  plane_ = packing.plane;
   size_ = static_cast<std::size_t>(lattice_.count * plane_);
   reserve_memory(storage());
   visit([&](auto* const values) {
@@ -125,7 +161,7 @@ void Populations::pack(const std::vector<std::uint8_t>& needed) {
       }
     }
   });
-  places_ = std::move(places);
+  places_ = std::move(packing.places);
 }
 
 void Populations::copy_to(std::vector<double>& values) const {
@@ -143,10 +179,13 @@ void Populations::copy_from(std::span<const double> values) {
   });
 }
 
+std::ptrdiff_t Populations::plane_of(const Grid& grid) {
+  return plane_size(grid);
+}
+
 double Populations::memory_bytes(const Grid& grid, Storage storage) {
   const std::size_t bytes = storage == Storage::single_precision ? sizeof(float) : sizeof(double);
-  return static_cast<double>(lattice_of_dimension(grid.dimension()).count *
-                             plane_size(grid.nx, grid.ny, grid.nz)) *
+  return static_cast<double>(lattice_of_dimension(grid.dimension()).count * plane_size(grid)) *
          static_cast<double>(bytes);
 }
 

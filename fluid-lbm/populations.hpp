@@ -58,6 +58,25 @@ public:
   [[nodiscard]] int nz() const { return nz_; }
   /// Rows of nodes along x: row y + ny z.
   [[nodiscard]] int rows() const { return nz_ > 0 ? ny_ * nz_ : ny_; }
+  /// Those of this process, begin <= row < end: all, unless several share the grid. Of the others there is no
+  /// memory, but for `halo` layers on both sides; numbers of nodes and rows count through the whole grid.
+  [[nodiscard]] int first_row() const { return first_row_; }
+  [[nodiscard]] int past_row() const { return past_row_; }
+  static constexpr int halo = 2;
+  [[nodiscard]] bool owns(int y, int z = 0) const {
+    const int row = nz_ > 0 ? z * ny_ + y : y;
+    return row >= first_row_ && row < past_row_;
+  }
+  /// The node's number where this process holds it, as one of its own or in its halo, which may lie beyond a
+  /// periodic side.
+  [[nodiscard]] std::ptrdiff_t held_node(int x, int y, int z = 0) const;
+  /// The number that the node has in a process which holds the whole grid.
+  [[nodiscard]] std::ptrdiff_t number_in_grid(std::ptrdiff_t node) const { return node - shift_; }
+  /// What a layer (a row in the plane, a plane in space) takes of one population's values, ghosts included.
+  [[nodiscard]] std::ptrdiff_t layer_start(int layer) const {
+    return nz_ > 0 ? node(0, -1, layer) - row_start_padding : node(0, layer) - row_start_padding;
+  }
+  [[nodiscard]] std::ptrdiff_t layer_size() const { return nz_ > 0 ? layer_ : pitch_; }
   [[nodiscard]] const LatticeTable& lattice() const { return lattice_; }
   [[nodiscard]] Parity parity() const { return parity_; }
   void set_parity(Parity parity) { parity_ = parity; }
@@ -81,6 +100,13 @@ public:
   [[nodiscard]] std::ptrdiff_t plane() const { return plane_; }
   [[nodiscard]] std::ptrdiff_t slot(int i, std::ptrdiff_t node) const { return i * plane_ + place(node); }
 
+  /// Places of nodes in a plane of packed memory, -1 without memory, and a plane's length.
+  struct Packing {
+    std::vector<std::int32_t> places;
+    std::ptrdiff_t plane = 0;
+  };
+  /// Of a grid that this process holds alone, whatever this one's memory is like.
+  [[nodiscard]] Packing packing_of(const std::vector<std::uint8_t>& needed) const;
   /// Gives up the memory of the nodes that never will be fluid nor next to fluid: `needed` says so of each
   /// node (Grid::index). Nodes of the grid's outermost layer keep theirs. Rows then lie in memory without
   /// their long gaps, each stretch of needed nodes together, so that a stretch of a row and the nodes beside
@@ -150,9 +176,12 @@ public:
   /// What `copy_to` gave.
   void copy_from(std::span<const double> values);
   [[nodiscard]] std::size_t size() const { return size_; }
+  /// Values of one population, before anything is packed.
+  [[nodiscard]] static std::ptrdiff_t plane_of(const Grid& grid);
   [[nodiscard]] static double memory_bytes(const Grid& grid, Storage storage = Storage::double_precision);
 
 private:
+  static constexpr std::ptrdiff_t row_start_padding = 8;  // values before node 0 of a row
   struct Release {
     void operator()(void* memory) const;
   };
@@ -163,10 +192,14 @@ private:
   int nx_;
   int ny_;
   int nz_;
+  int first_row_;
+  int past_row_;
+  int stored_layers_;  // ghosts or halos included
   std::ptrdiff_t pitch_;
   std::ptrdiff_t layer_;
   std::ptrdiff_t plane_;
   std::ptrdiff_t origin_;
+  std::ptrdiff_t shift_ = 0;  // of it, because the first stored layer is not the grid's first
   std::size_t size_;
   std::array<std::ptrdiff_t, most_velocities> steps_{};
   std::vector<std::int32_t> places_;         // of each node inside a plane when packed, -1 without memory

@@ -13,7 +13,7 @@ using Values = std::array<double, Lattice::count>;
 template <class Lattice>
 Values<Lattice> post_collision_of(const Populations& p, Node node) {
   Values<Lattice> f;
-  const std::ptrdiff_t n = p.node(node.x, node.y, node.z);
+  const std::ptrdiff_t n = p.held_node(node.x, node.y, node.z);
   for (int i = 0; i < Lattice::count; ++i)
     f[static_cast<std::size_t>(i)] = p[p.post_collision(p.parity(), i, n)];
   return f;
@@ -32,8 +32,13 @@ template <class Lattice>
 class Refill {
 public:
   Refill(Populations& populations, const Cells& cells, const std::function<WallPoint(Node)>& wall_at,
-         EquilibriumModel model, RefillRule rule)
-      : populations_(populations), cells_(cells), wall_at_(wall_at), model_(model), rule_(rule) {}
+         EquilibriumModel model, RefillRule rule, Halo* halo)
+      : populations_(populations),
+        cells_(cells),
+        wall_at_(wall_at),
+        model_(model),
+        rule_(rule),
+        halo_(halo) {}
 
   std::size_t fill(std::vector<Node> uncovered) {
     std::vector<Filling> layer;
@@ -43,6 +48,7 @@ public:
       layer.clear();
       later.clear();
       std::sort(uncovered.begin(), uncovered.end(), row_first);
+      if (halo_ != nullptr) halo_->look_around(populations_, populations_.parity());
       for (const Node node : uncovered) {
         if (!fill_from_neighbours(node, uncovered, layer)) later.push_back(node);
       }
@@ -52,12 +58,14 @@ public:
         later.clear();
       }
       for (const Filling& filling : layer) {
+        if (!populations_.owns(filling.node.y, filling.node.z)) continue;
         const std::ptrdiff_t n = populations_.node(filling.node.x, filling.node.y, filling.node.z);
         for (int i = 0; i < Lattice::count; ++i) {
           populations_[populations_.post_collision(populations_.parity(), i, n)] =
               filling.f[static_cast<std::size_t>(i)];
         }
       }
+      if (halo_ != nullptr) halo_->filled(populations_.parity());
       uncovered.swap(later);
     }
     return orphans;
@@ -86,7 +94,8 @@ private:
   bool fill_from_neighbours(Node node, const std::vector<Node>& uncovered,
                             std::vector<Filling>& layer) const {
     const Grid& grid = cells_.grid();
-    const WallPoint wall = wall_at_(node);
+    const bool own = populations_.owns(node.y, node.z);
+    const WallPoint wall = own ? wall_at_(node) : WallPoint{};
     double sum = 0;
     int count = 0;
     double best = -2;
@@ -99,6 +108,10 @@ private:
           !cells_.fluid(neighbour.x, neighbour.y, neighbour.z) ||
           std::binary_search(uncovered.begin(), uncovered.end(), neighbour, row_first)) {
         continue;
+      }
+      if (!own) {  // another rank's: whether it can be filled is all that counts here
+        layer.push_back({node, {}});
+        return true;
       }
       const auto f = post_collision_of<Lattice>(populations_, neighbour);
       sum += moments_of<Lattice>(f).excess;
@@ -129,25 +142,28 @@ private:
   const std::function<WallPoint(Node)>& wall_at_;
   EquilibriumModel model_;
   RefillRule rule_;
+  Halo* halo_;
 };
 
 }  // namespace
 
 std::size_t refill(Populations& populations, const Cells& cells, std::vector<Node> uncovered,
-                   const std::function<WallPoint(Node)>& wall_at, EquilibriumModel model, RefillRule rule) {
+                   const std::function<WallPoint(Node)>& wall_at, EquilibriumModel model, RefillRule rule,
+                   Halo* halo) {
   if (populations.lattice().dimension == 3) {
-    return Refill<D3Q19>(populations, cells, wall_at, model, rule).fill(std::move(uncovered));
+    return Refill<D3Q19>(populations, cells, wall_at, model, rule, halo).fill(std::move(uncovered));
   }
-  return Refill<D2Q9>(populations, cells, wall_at, model, rule).fill(std::move(uncovered));
+  return Refill<D2Q9>(populations, cells, wall_at, model, rule, halo).fill(std::move(uncovered));
 }
 
 std::size_t refill(Populations& populations, const Cells& cells, std::vector<Node> uncovered,
-                   const Surface& surface, EquilibriumModel model) {
+                   const Surface& surface, EquilibriumModel model, Halo* halo) {
   const auto wall_at = [&](Node node) -> WallPoint {
     const auto near = surface.nearest(node.x, node.y);
     return {{near.normal_x, near.normal_y, 0}, {near.velocity_x, near.velocity_y, 0}};
   };
-  return refill(populations, cells, std::move(uncovered), wall_at, model);
+  return refill(populations, cells, std::move(uncovered), wall_at, model,
+                RefillRule::extrapolated_nonequilibrium, halo);
 }
 
 }  // namespace estuary::fluid

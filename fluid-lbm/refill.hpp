@@ -12,6 +12,7 @@
 
 #include "cells.hpp"
 #include "collide.hpp"
+#include "halo.hpp"
 #include "populations.hpp"
 #include "surface.hpp"
 
@@ -26,11 +27,12 @@ struct WallPoint {
 enum class RefillRule { extrapolated_nonequilibrium, equilibrium };
 
 /// `uncovered` holds nodes that `cells` already counts as fluid. Returns how many had no fluid node to start
-/// from and were set to equilibrium at density 1 with the wall's velocity.
+/// from and were set to equilibrium at density 1 with the wall's velocity. With a halo every rank fills its
+/// own nodes, of the same list.
 std::size_t refill(Populations& populations, const Cells& cells, std::vector<Node> uncovered,
                    const std::function<WallPoint(Node)>& wall_at, EquilibriumModel equilibrium,
-                   RefillRule rule = RefillRule::extrapolated_nonequilibrium);
+                   RefillRule rule = RefillRule::extrapolated_nonequilibrium, Halo* halo = nullptr);
 std::size_t refill(Populations& populations, const Cells& cells, std::vector<Node> uncovered,
-                   const Surface& surface, EquilibriumModel equilibrium);
+                   const Surface& surface, EquilibriumModel equilibrium, Halo* halo = nullptr);
 
 }  // namespace estuary::fluid

@@ -48,7 +48,8 @@ void merge(std::vector<Span>& row) {
 
 }  // namespace
 
-RoundBodies::RoundBodies(const Grid& grid, RelaxationParts relaxation) : grid_(grid), links_(relaxation) {}
+RoundBodies::RoundBodies(const Grid& grid, RelaxationParts relaxation, Ranks* ranks)
+    : grid_(grid), ranks_(ranks), links_(relaxation, ranks) {}
 
 // From the body's centre, or its image nearest to the node, to the node.
 std::array<double, 3> RoundBodies::offset(std::size_t body, Node node) const {
@@ -202,9 +203,14 @@ RoundBodies::Wall RoundBodies::nearest(Node node) const {
 }
 
 void RoundBodies::add_loads(const Populations& populations, Parity parity) {
+  if (ranks_ != nullptr) {
+#pragma omp master
+    links_.loads(populations, parity, of_step_);
+#pragma omp barrier
+  }
 #pragma omp for schedule(static)
   for (std::size_t body = 0; body < bodies_.count(); ++body) {
-    const BodyLoad load = links_.load(populations, parity, body);
+    const BodyLoad load = ranks_ != nullptr ? of_step_[body] : links_.load(populations, parity, body);
     for (std::size_t axis = 0; axis < 3; ++axis) {
       sums_[body].force[axis] += load.force[axis];
       sums_[body].torque[axis] += load.torque[axis];

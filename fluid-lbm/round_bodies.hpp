@@ -19,7 +19,7 @@ struct RoundMove {
 
 class RoundBodies {
 public:
-  explicit RoundBodies(const Grid& grid, RelaxationParts relaxation = {});
+  explicit RoundBodies(const Grid& grid, RelaxationParts relaxation = {}, Ranks* ranks = nullptr);
 
   /// Marks the nodes inside and finds the links; gives back false when nothing changed. Outside of a
   /// parallel region.
@@ -60,6 +60,7 @@ private:
   [[nodiscard]] std::array<double, 3> velocity_at(std::size_t body, const std::array<double, 3>& arm) const;
 
   Grid grid_;
+  Ranks* ranks_;
   Grains bodies_;
   std::vector<WallRule> rules_;
   WallLinks links_;
@@ -67,6 +68,7 @@ private:
   std::vector<std::int32_t> candidate_of_;
   std::vector<Candidate> candidates_;
   std::vector<BodyLoad> sums_;
+  std::vector<BodyLoad> of_step_;  // where ranks share the grid
   std::size_t steps_ = 0;
 };
 

@@ -20,4 +20,10 @@ struct RowShare {
   return {begin, begin + whole + (thread < more ? 1 : 0)};
 }
 
+/// Of the rows begin <= row < end.
+[[nodiscard]] inline RowShare row_share(int begin, int end) {
+  const RowShare share = row_share(end - begin);
+  return {begin + share.begin, begin + share.end};
+}
+
 }  // namespace estuary::fluid

@@ -41,7 +41,7 @@ Range reach(double centre, double radius, int count, bool periodic) {
 
 }  // namespace
 
-SaturatedCells::SaturatedCells(const Grid& grid) : grid_(grid) {}
+SaturatedCells::SaturatedCells(const Grid& grid, Ranks* ranks) : grid_(grid), ranks_(ranks) {}
 
 void SaturatedCells::place(const Grains& grains, const Cells& cells) {
   if (placed_ && grains == grains_) return;
@@ -141,6 +141,7 @@ void SaturatedCells::keep(const Populations& populations, Parity parity) {
 #pragma omp for schedule(static)
   for (std::size_t n = 0; n < cells_.size(); ++n) {
     const Node at = covers_[order_[cells_[n].first]].node;
+    if (!grid_.owns(at.y, at.z)) continue;
     const std::ptrdiff_t node = populations.node(at.x, at.y, at.z);
     for (std::size_t i = 0; i < count; ++i) {
       kept_[count * n + i] = populations[populations.incoming(parity, static_cast<int>(i), node)];
@@ -162,6 +163,66 @@ std::array<double, 3> SaturatedCells::velocity_at(const Cover& cover) const {
   return {v[0] - w * cover.arm[1], v[1] + w * cover.arm[0], 0.0};
 }
 
+template <std::size_t dimension>
+void SaturatedCells::add_pushes(std::size_t grain, double* force, double* torque) const {
+  constexpr std::size_t turns = dimension == 3 ? 3 : 1;
+  for (std::size_t n = first_of_grain_[grain]; n < first_of_grain_[grain + 1]; ++n) {
+    const double* push = &push_[3 * n];
+    const auto& arm = covers_[n].arm;
+    for (std::size_t axis = 0; axis < dimension; ++axis) force[axis] += push[axis];
+    if constexpr (dimension == 3) {
+      torque[0] += arm[1] * push[2] - arm[2] * push[1];
+      torque[1] += arm[2] * push[0] - arm[0] * push[2];
+    }
+    torque[turns - 1] += arm[0] * push[1] - arm[1] * push[0];
+  }
+}
+
+// A grain whose covered cells are all one rank's is added up there; of the others the pushes are shared, so
+// that every rank adds them up in their order.
+void SaturatedCells::share_pushes() {
+  const bool space = grains_.dimension == 3;
+  const std::size_t entries = space ? 6 : 3;
+  const std::size_t dimension = space ? 3 : 2;
+  const std::int32_t own = ranks_->rank();
+  const std::size_t count = grains_.count();
+  std::vector<std::int32_t> owner(count, -1);  // -1: none or several
+  std::vector<double> values(entries * count, 0.0);
+  const auto add_up = [&](std::size_t grain, double* to) {
+    if (space) {
+      add_pushes<3>(grain, to, to + dimension);
+    } else {
+      add_pushes<2>(grain, to, to + dimension);
+    }
+  };
+  const auto owner_of = [&](std::size_t n) { return grid_.owner(covers_[n].node.y, covers_[n].node.z); };
+  for (std::size_t grain = 0; grain < count; ++grain) {
+    const std::size_t first = first_of_grain_[grain];
+    const std::size_t past = first_of_grain_[grain + 1];
+    if (first == past) continue;
+    owner[grain] = owner_of(first);
+    for (std::size_t n = first; n < past && owner[grain] >= 0; ++n)
+      if (owner_of(n) != owner[grain]) owner[grain] = -1;
+    if (owner[grain] == own) add_up(grain, &values[entries * grain]);
+    if (owner[grain] >= 0) continue;
+    for (std::size_t n = first; n < past; ++n) {
+      const bool mine = owner_of(n) == own;
+      for (std::size_t axis = 0; axis < 3; ++axis) values.push_back(mine ? push_[3 * n + axis] : 0.0);
+    }
+  }
+  share(ranks_, values);
+  const double* push = values.data() + entries * count;
+  of_step_.assign(values.begin(), values.begin() + static_cast<std::ptrdiff_t>(entries * count));
+  for (std::size_t grain = 0; grain < count; ++grain) {
+    if (owner[grain] >= 0) continue;
+    const std::size_t values_of_grain = 3 * (first_of_grain_[grain + 1] - first_of_grain_[grain]);
+    std::copy_n(push, values_of_grain,
+                push_.begin() + static_cast<std::ptrdiff_t>(3 * first_of_grain_[grain]));
+    push += values_of_grain;
+    add_up(grain, &of_step_[entries * grain]);
+  }
+}
+
 template <class Lattice>
 void SaturatedCells::replace_all(Populations& populations, Parity parity,
                                  const CollisionParameters& parameters, EquilibriumModel equilibrium_model) {
@@ -173,6 +234,7 @@ void SaturatedCells::replace_all(Populations& populations, Parity parity,
   for (std::size_t n = 0; n < cells_.size(); ++n) {
     const Cell& cell = cells_[n];
     const Node at = covers_[order_[cell.first]].node;
+    if (!grid_.owns(at.y, at.z)) continue;
     const std::ptrdiff_t node = populations.node(at.x, at.y, at.z);
     std::array<double, count> f;
     for (std::size_t i = 0; i < count; ++i) f[i] = kept_[count * n + i];
@@ -210,19 +272,21 @@ void SaturatedCells::replace_all(Populations& populations, Parity parity,
   // Half of this step's and half of the one before.
   const double before = has_last_ ? 0.5 : 0.0;
   constexpr std::size_t turns = dimension == 3 ? 3 : 1;
+  if (ranks_ != nullptr) {
+#pragma omp master
+    share_pushes();
+#pragma omp barrier
+  }
 #pragma omp for schedule(static)
   for (std::size_t grain = 0; grain < grains_.count(); ++grain) {
     std::array<double, dimension> force{};
     std::array<double, turns> torque{};
-    for (std::size_t n = first_of_grain_[grain]; n < first_of_grain_[grain + 1]; ++n) {
-      const double* push = &push_[3 * n];
-      const auto& arm = covers_[n].arm;
-      for (std::size_t axis = 0; axis < dimension; ++axis) force[axis] += push[axis];
-      if constexpr (dimension == 3) {
-        torque[0] += arm[1] * push[2] - arm[2] * push[1];
-        torque[1] += arm[2] * push[0] - arm[0] * push[2];
-      }
-      torque[turns - 1] += arm[0] * push[1] - arm[1] * push[0];
+    if (ranks_ != nullptr) {
+      const double* const shared = &of_step_[(dimension + turns) * grain];
+      std::copy_n(shared, dimension, force.begin());
+      std::copy_n(shared + dimension, turns, torque.begin());
+    } else {
+      add_pushes<dimension>(grain, force.data(), torque.data());
     }
     const auto add = [&](std::vector<double>& sum, std::vector<double>& last, std::size_t k, double now) {
       sum[k] += before * last[k] + (1 - before) * now;
@@ -254,6 +318,8 @@ void SaturatedCells::blend_velocities(Fields& fields, double even_rate) const {
   const double t = 1.0 / even_rate - 0.5;
   for (const Cell& cell : cells_) {
     const auto k = static_cast<std::size_t>(cell.node);
+    const Node at = covers_[order_[cell.first]].node;
+    if (!grid_.owns(at.y, at.z)) continue;
     const double weight = weight_of(cell.fraction, t);
     std::array<double, 3> velocity{fields.velocity_x[k], fields.velocity_y[k],
                                    dimension == 3 ? fields.velocity_z[k] : 0.0};

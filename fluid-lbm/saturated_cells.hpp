@@ -25,6 +25,7 @@
 #include "collide.hpp"
 #include "fields.hpp"
 #include "populations.hpp"
+#include "ranks.hpp"
 
 namespace estuary::fluid {
 
@@ -47,7 +48,8 @@ struct GrainLoads {
 
 class SaturatedCells {
 public:
-  explicit SaturatedCells(const Grid& grid);
+  /// Where ranks share the grid, every one knows all covered cells and treats its own.
+  explicit SaturatedCells(const Grid& grid, Ranks* ranks = nullptr);
 
   /// Finds the covered cells, unless the grains are where they were. Outside of a parallel region.
   void place(const Grains& grains, const Cells& cells);
@@ -82,7 +84,7 @@ private:
     std::array<double, 3> arm{};  // from the grain's centre to the node
   };
   struct Cell {
-    std::ptrdiff_t node = 0;
+    std::ptrdiff_t node = 0;  // Grid::index
     std::uint32_t first = 0;  // of `order_`
     std::uint32_t count = 0;
     double fraction = 0;
@@ -94,8 +96,15 @@ private:
   [[nodiscard]] std::array<double, 3> velocity_at(const Cover& cover) const;
   void find_covers(const Cells& cells);
   void gather_cells();
+  // Pushes of all ranks on the grains that several of them see.
+  void share_pushes();
+  // Force and torque on a grain in this step, from its pushes.
+  template <std::size_t dimension>
+  void add_pushes(std::size_t grain, double* force, double* torque) const;
 
   Grid grid_;
+  Ranks* ranks_;
+  std::vector<double> of_step_;  // where ranks share the grid: force and torque on each grain
   Grains grains_;
   bool placed_ = false;
   std::vector<std::vector<Cover>> of_grain_;

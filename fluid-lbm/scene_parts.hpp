@@ -19,6 +19,8 @@ void read_grid(SceneTable& fluid, int dimension, FluidScene& result);
 void read_time_step(SceneTable& fluid, FluidScene& result, Plan& plan);
 void read_model(SceneTable& fluid, int dimension, FluidScene& result, Plan& plan);
 void read_obstacles(SceneTable& fluid, FluidScene& result, Plan& plan);
+/// Among how many processes the lattice is shared; after the grid and all that moves in it.
+void read_ranks(SceneTable& fluid, FluidScene& result, Plan& plan);
 /// Between discs and spheres, and among solid nodes.
 void warn_of_narrow_gaps(const FluidScene& scene, Plan& plan);
 void read_watches(SceneTable& root, const std::string& role, int dimension, FluidScene& result);

@@ -52,9 +52,11 @@ void fill_plan(const FluidScene& result, Plan& plan) {
         result.steady_tolerance));
   }
   warn_of_narrow_gaps(result, plan);
+  Grid slab = grid;  // the first rank's, which is none of the smaller ones
+  slab.ranks = result.ranks;
   plan.memory_bytes =
-      Populations::memory_bytes(grid, result.flow.storage) +
-      (result.repeats_windows ? Populations::memory_bytes(grid) : 0.0) +
+      Populations::memory_bytes(slab, result.flow.storage) +
+      (result.repeats_windows ? Populations::memory_bytes(slab) : 0.0) +
       nodes * (1 + 3 * 8 + (result.mode == Mode::steady ? 16 : 0) + (result.has_partner ? 8 : 0));
   if (result.mode == Mode::transient)
     plan.expected_updates = nodes * std::ceil(result.end_time / units.time_step);

@@ -4,6 +4,8 @@
 #include <array>
 #include <cstddef>
 
+#include "populations.hpp"
+
 namespace estuary::fluid {
 
 /// Axes u, v of a side and the number k = u + n_u v of each of its nodes; v has one node in two dimensions.
@@ -57,6 +59,47 @@ struct SideFrame {
     const int b = 2 * row(k) + 1 + c[static_cast<std::size_t>(v)];
     return static_cast<std::size_t>(b) * static_cast<std::size_t>(points_u()) + static_cast<std::size_t>(a);
   }
+};
+
+/// The layers of the outermost axis that this process holds.
+struct OwnLayers {
+  explicit OwnLayers(const Populations& p)
+      : axis(p.nz() > 0 ? 2 : 1),
+        first(p.nz() > 0 ? p.first_row() / p.ny() : p.first_row()),
+        past(p.nz() > 0 ? p.past_row() / p.ny() : p.past_row()),
+        part(p.past_row() - p.first_row() < p.rows()) {}
+  int axis;
+  int first;
+  int past;
+  bool part;  // not all of them
+};
+
+/// Of a side's nodes those that this process holds: first_u <= u < past_u, and the same of v.
+struct OwnNodes {
+  OwnNodes(const Populations& p, const SideFrame& frame)
+      : past_u(frame.along_u()), past_v(frame.along_v()), line(frame.along_u()) {
+    const OwnLayers own(p);
+    if (!own.part) return;
+    if (own.axis == frame.axis) {
+      const int layer = frame.outward < 0 ? 0 : frame.counts[static_cast<std::size_t>(own.axis)] - 1;
+      if (layer < own.first || layer >= own.past) past_u = 0;
+    } else if (own.axis == frame.u) {
+      first_u = own.first;
+      past_u = own.past;
+    } else {
+      first_v = own.first;
+      past_v = own.past;
+    }
+  }
+  int first_u = 0;
+  int past_u;
+  int first_v = 0;
+  int past_v;
+  int line;
+  [[nodiscard]] bool empty() const { return first_u >= past_u || first_v >= past_v; }
+  /// Their numbers (SideFrame) follow each other: a line along u is whole, or the only one.
+  [[nodiscard]] int first() const { return first_u + first_v * line; }
+  [[nodiscard]] int past() const { return empty() ? first() : past_u + (past_v - 1) * line; }
 };
 
 }  // namespace estuary::fluid

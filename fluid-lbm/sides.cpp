@@ -37,10 +37,14 @@ void copy_across(Populations& p, Parity parity, int axis, int towards) {
   const int v = axis == 2 ? 1 : 2;
   const int beyond_u = axis > u ? 1 : 0;
   const int beyond_v = axis > v ? 1 : 0;
-  const int first_v = -beyond_v;
-  const int last_v = counts[static_cast<std::size_t>(v)] - 1 + beyond_v;
-  const int first_u = -beyond_u;
-  const int last_u = counts[static_cast<std::size_t>(u)] - 1 + beyond_u;
+  int first_v = -beyond_v;
+  int last_v = counts[static_cast<std::size_t>(v)] - 1 + beyond_v;
+  int first_u = -beyond_u;
+  int last_u = counts[static_cast<std::size_t>(u)] - 1 + beyond_u;
+  if (const OwnLayers own(p); own.part) {
+    (own.axis == u ? first_u : first_v) = own.first;
+    (own.axis == u ? last_u : last_v) = own.past - 1;
+  }
   const int across = last_u - first_u + 1;
   const int lines = last_v - first_v + 1;
   const auto place = [&](int at, int at_u, int at_v) {
@@ -135,6 +139,8 @@ void reflect_at_wall(Populations& p, Parity parity, const Sides& sides, int name
   const auto normal = static_cast<std::size_t>(frame.axis);
   const bool moving = !side.velocity_x.empty();
   const bool plane = lattice.dimension == 2;
+  const OwnNodes own(p, frame);
+  if (own.empty()) return;
   // Nodes of a side lie in rows of equal distances.
   const auto place = [&](int k) {
     const std::array<int, 3> at = frame.node(k);
@@ -142,11 +148,12 @@ void reflect_at_wall(Populations& p, Parity parity, const Sides& sides, int name
   };
   const std::ptrdiff_t along = frame.along_u() > 1 ? place(1) - place(0) : 0;
   const bool regular = frame.u == 0 || !p.packed();
-  const int inner = std::max(frame.along_u() - 2, 0);  // of a line
+  const int from_u = std::max(1, own.first_u);
+  const int inner = std::max(std::min(frame.along_u() - 1, own.past_u) - from_u, 0);  // of a line
   // Lines are shared out in pieces, so that several threads have something to do in the plane.
   const int pieces = plane ? (inner + line_piece - 1) / line_piece : 1;
-  const int first_line = plane ? 0 : 1;
-  const int lines = plane ? 1 : std::max(frame.along_v() - 2, 0);
+  const int first_line = plane ? 0 : std::max(1, own.first_v);
+  const int lines = plane ? 1 : std::max(std::min(frame.along_v() - 1, own.past_v) - first_line, 0);
   for (int i = 1; i < lattice.count; ++i) {
     const auto& c = lattice.velocity[i];
     if (c[normal] != frame.outward) continue;
@@ -154,8 +161,8 @@ void reflect_at_wall(Populations& p, Parity parity, const Sides& sides, int name
 #pragma omp for schedule(static) nowait
     for (int job = 0; job < lines * pieces; ++job) {
       const int line = first_line + job / pieces;
-      const int from = 1 + job % pieces * line_piece;
-      const int count = plane ? std::min(line_piece, inner + 1 - from) : inner;
+      const int from = from_u + job % pieces * line_piece;
+      const int count = plane ? std::min(line_piece, inner + from_u - from) : inner;
       const int first = line * frame.along_u() + from;
       const std::ptrdiff_t leaving = p.post_collision(parity, i, place(first));
       const std::ptrdiff_t back = p.incoming(parity, lattice.opposite[i], place(first));
@@ -180,25 +187,38 @@ void reflect_at_wall(Populations& p, Parity parity, const Sides& sides, int name
       }
     }
 #pragma omp for schedule(static) nowait
-    for (int line = 0; line < frame.along_v(); ++line) {
+    for (int line = own.first_v; line < own.past_v; ++line) {
       const bool whole = !plane && (line == 0 || line == frame.along_v() - 1);
       const int step = whole ? 1 : std::max(frame.along_u() - 1, 1);
       for (int k = 0; k < frame.along_u(); k += step)
-        reflect_at_rim(p, parity, sides, frame, name, i, line * frame.along_u() + k);
+        if (k >= own.first_u && k < own.past_u)
+          reflect_at_rim(p, parity, sides, frame, name, i, line * frame.along_u() + k);
     }
   }
 }
 
 }  // namespace
 
-void exchange_and_reflect(Populations& populations, Parity parity, const Sides& sides) {
+void exchange_and_reflect(Populations& populations, Parity parity, const Sides& sides,
+                          const SlabExchange& slab) {
   const int dimension = populations.lattice().dimension;
   // Into ghosts x comes first, out of ghosts last: corners then pass through the ghosts of the right row.
   for (int n = 0; n < dimension; ++n) {
     const int axis = parity == Parity::even ? n : dimension - 1 - n;
+    if (slab.halo != nullptr && axis == dimension - 1) {
+#pragma omp master
+      slab.halo->exchange(populations, parity, slab.everything);
+#pragma omp barrier
+      continue;
+    }
     if (sides[2 * static_cast<std::size_t>(axis)].kind != SideKind::periodic) continue;
     copy_across(populations, parity, axis, 1);
     copy_across(populations, parity, axis, -1);
+#pragma omp barrier
+  }
+  if (slab.halo != nullptr && slab.everything) {
+#pragma omp master
+    slab.halo->give_everything(populations);
 #pragma omp barrier
   }
   bool walls = false;

@@ -35,6 +35,7 @@
 
 #include "cells.hpp"
 #include "collide.hpp"
+#include "halo.hpp"
 #include "populations.hpp"
 
 namespace estuary::fluid {
@@ -69,9 +70,18 @@ using Sides = std::array<Side, 6>;
   return 2 * dimension;
 }
 
-/// Copies across periodic sides, reflects at walls. Called by every thread of a parallel region, before the
-/// links' rule. `parity` is the populations' own, which a parallel region changes only at its end.
-void exchange_and_reflect(Populations& populations, Parity parity, const Sides& sides);
+/// How this process's layers get what they need of the neighbours'; without a halo all are its own.
+struct SlabExchange {
+  Halo* halo = nullptr;
+  /// Rules look at nodes beside their own.
+  bool everything = false;
+};
+
+/// Copies across periodic sides and between slabs, reflects at walls. Called by every thread of a parallel
+/// region, before the links' rule. `parity` is the populations' own, which a parallel region changes only at
+/// its end.
+void exchange_and_reflect(Populations& populations, Parity parity, const Sides& sides,
+                          const SlabExchange& slab = {});
 
 /// Completes the outermost nodes of open sides. After the links' rule, whose populations it needs.
 /// `acceleration` is the body force whose half is part of the velocity. `again` says that this was done since

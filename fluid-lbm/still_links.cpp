@@ -84,15 +84,19 @@ void StillLinks::add_load(const Populations& populations, Parity parity, std::si
 
 BodyLoad StillLinks::load(const Populations& populations, Parity parity) const {
   BodyLoad total;
-  for (std::size_t n = 0; n < links_.size(); ++n) add_load(populations, parity, n, total);
+  in_turn(ranks_, total, [&](BodyLoad& sum) {
+    for (std::size_t n = 0; n < links_.size(); ++n) add_load(populations, parity, n, sum);
+  });
   return total;
 }
 
 BodyLoad StillLinks::load(const Populations& populations, Parity parity, std::uint32_t body) const {
   BodyLoad total;
-  for (std::size_t n = 0; n < links_.size(); ++n) {
-    if (places_[n].body == body) add_load(populations, parity, n, total);
-  }
+  in_turn(ranks_, total, [&](BodyLoad& sum) {
+    for (std::size_t n = 0; n < links_.size(); ++n) {
+      if (places_[n].body == body) add_load(populations, parity, n, sum);
+    }
+  });
   return total;
 }
 

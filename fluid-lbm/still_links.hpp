@@ -19,8 +19,11 @@ namespace estuary::fluid {
 
 class StillLinks {
 public:
+  StillLinks() = default;
+  explicit StillLinks(Ranks* ranks) : ranks_(ranks) {}
   void clear();
-  /// Rows in ascending order. `arm` goes from where torques count to the middle of the link.
+  /// Rows in ascending order; where ranks share the grid, each adds its own. `arm` goes from where torques
+  /// count to the middle of the link.
   void add(Node node, int i, std::uint32_t body, const std::array<double, 3>& arm, const Populations& layout);
   [[nodiscard]] bool empty() const { return links_.empty(); }
   /// Every thread of a parallel region calls it.
@@ -51,6 +54,7 @@ private:
   template <class Stored>
   void reflect(Stored* f, Parity parity, std::size_t begin, std::size_t end) const;
 
+  Ranks* ranks_ = nullptr;
   std::vector<Link> links_;
   std::vector<Place> places_;
   std::vector<std::size_t> first_of_row_;  // of rows up to the last with a link

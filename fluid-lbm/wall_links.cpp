@@ -29,6 +29,7 @@ void WallLinks::clear() {
   first_of_node_.clear();
   nodes_.clear();
   counts_ = {};
+  looks_beside_ = false;
   memory_.clear();
 }
 
@@ -62,7 +63,9 @@ void WallLinks::add(Node node, int i, double q, WallRule rule, const std::array<
     ++counts_.fallbacks;
   }
   const std::ptrdiff_t here = layout.node(node.x, node.y, node.z);
-  const std::ptrdiff_t there = has_second ? layout.node(second.x, second.y, second.z) : here;
+  const bool own = layout.owns(node.y, node.z);
+  // A row that only its own rank can look at from here.
+  const std::ptrdiff_t there = has_second && own ? layout.held_node(second.x, second.y, second.z) : here;
   if (nodes_.empty() || nodes_.back() != here) {
     nodes_.push_back(here);
     first_of_node_.push_back(rules_.size());
@@ -138,12 +141,13 @@ void WallLinks::add(Node node, int i, double q, WallRule rule, const std::array<
       r.weight_excess = 2 * k * parabola;
       r.mean_rate = std::min(0.5, 0.5 / std::abs(r.weight_excess));
       r.weight_odd = 1 - k;
-      r.memory = static_cast<std::ptrdiff_t>(memory_.add(here, i, layout));
+      r.memory = static_cast<std::ptrdiff_t>(memory_.add(here, i, layout, own));
       break;
     }
   }
+  looks_beside_ = looks_beside_ || rule == WallRule::quadratic || rule == WallRule::yin_zhang;
   rules_.push_back(r);
-  places_.push_back({body, i, velocity, arm});
+  places_.push_back({body, i, velocity, arm, grid.owner(node.y, node.z)});
 }
 
 void WallLinks::finish(std::size_t bodies) {
@@ -157,6 +161,15 @@ void WallLinks::finish(std::size_t bodies) {
   for (std::size_t n = 0; n < places_.size(); ++n) {
     by_body_[next[places_[n].body]++] = static_cast<std::uint32_t>(n);
   }
+  if (ranks_ == nullptr) return;
+  owner_of_body_.assign(bodies, 0);
+  for (std::size_t body = 0; body < bodies; ++body) {
+    for (std::size_t m = first_of_body_[body]; m < first_of_body_[body + 1]; ++m) {
+      const std::int32_t owner = places_[by_body_[m]].owner;
+      if (m == first_of_body_[body]) owner_of_body_[body] = owner;
+      if (owner_of_body_[body] != owner) owner_of_body_[body] = -1;
+    }
+  }
 }
 
 void WallLinks::reflect(Populations& populations, Parity parity, bool compressible,
@@ -167,6 +180,7 @@ void WallLinks::reflect(Populations& populations, Parity parity, bool compressib
 #pragma omp for schedule(static)
   for (std::size_t group = 0; group < nodes_.size(); ++group) {
     const std::ptrdiff_t node = nodes_[group];
+    if (ranks_ != nullptr && places_[first_of_node_[group]].owner != ranks_->rank()) continue;
     double density = 1;
     if (compressible) {
       for (int i = 0; i < lattice.count; ++i) density += f[populations.post_collision(parity, i, node)];
@@ -201,35 +215,74 @@ void WallLinks::reflect(Populations& populations, Parity parity, bool compressib
   }
 }
 
-BodyLoad WallLinks::load(const Populations& populations, Parity parity, std::size_t body) const {
+BodyLoad WallLinks::load_of_link(const Populations& populations, Parity parity, std::size_t n) const {
   const std::size_t k = index_of(parity);
-  const LatticeTable& lattice = populations.lattice();
+  const Place& place = places_[n];
+  const auto& c = populations.lattice().velocity[place.direction];
+  const double leaving = populations[rules_[n].leaving[k]];
+  const double incoming = populations[rules_[n].incoming[k]];
+  std::array<double, 3> f;
+  for (std::size_t axis = 0; axis < 3; ++axis)
+    f[axis] = leaving * (c[axis] - place.velocity[axis]) + incoming * (c[axis] + place.velocity[axis]);
+  const auto& arm = place.arm;
+  return {f, {arm[1] * f[2] - arm[2] * f[1], arm[2] * f[0] - arm[0] * f[2], arm[0] * f[1] - arm[1] * f[0]}};
+}
+
+BodyLoad WallLinks::load(const Populations& populations, Parity parity, std::size_t body) const {
   BodyLoad total;
   if (body + 1 >= first_of_body_.size()) return total;
-  for (std::size_t m = first_of_body_[body]; m < first_of_body_[body + 1]; ++m) {
-    const std::uint32_t n = by_body_[m];
-    const Place& place = places_[n];
-    const auto& c = lattice.velocity[place.direction];
-    const double leaving = populations[rules_[n].leaving[k]];
-    const double incoming = populations[rules_[n].incoming[k]];
-    std::array<double, 3> f;
-    for (std::size_t axis = 0; axis < 3; ++axis) {
-      f[axis] = leaving * (c[axis] - place.velocity[axis]) + incoming * (c[axis] + place.velocity[axis]);
-      total.force[axis] += f[axis];
-    }
-    const auto& arm = place.arm;
-    total.torque[0] += arm[1] * f[2] - arm[2] * f[1];
-    total.torque[1] += arm[2] * f[0] - arm[0] * f[2];
-    total.torque[2] += arm[0] * f[1] - arm[1] * f[0];
+  if (ranks_ != nullptr) {
+    std::vector<BodyLoad> all;
+    loads(populations, parity, all);
+    return all[body];
   }
+  for (std::size_t m = first_of_body_[body]; m < first_of_body_[body + 1]; ++m)
+    total += load_of_link(populations, parity, by_body_[m]);
   return total;
+}
+
+// Bodies that one rank has to itself it adds up alone; of the others the links' loads are shared, so that
+// every rank adds them up in their order.
+void WallLinks::loads(const Populations& populations, Parity parity, std::vector<BodyLoad>& of_body) const {
+  const std::size_t bodies = first_of_body_.empty() ? 0 : first_of_body_.size() - 1;
+  constexpr std::size_t entries = 6;
+  static_assert(sizeof(BodyLoad) == entries * sizeof(double));
+  of_body.assign(bodies, {});
+  if (ranks_ == nullptr) {
+    for (std::size_t body = 0; body < bodies; ++body) of_body[body] = load(populations, parity, body);
+    return;
+  }
+  const std::int32_t own = ranks_->rank();
+  for (std::size_t body = 0; body < bodies; ++body) {
+    for (std::size_t m = first_of_body_[body]; m < first_of_body_[body + 1]; ++m) {
+      const std::uint32_t n = by_body_[m];
+      if (owner_of_body_[body] == own) of_body[body] += load_of_link(populations, parity, n);
+      if (owner_of_body_[body] >= 0) continue;
+      of_body.push_back(places_[n].owner == own ? load_of_link(populations, parity, n) : BodyLoad{});
+    }
+  }
+  if (!of_body.empty()) share(ranks_, {of_body.front().force.data(), entries * of_body.size()});
+  std::size_t link = bodies;
+  for (std::size_t body = 0; body < bodies; ++body) {
+    if (owner_of_body_[body] >= 0) continue;
+    for (std::size_t m = first_of_body_[body]; m < first_of_body_[body + 1]; ++m)
+      of_body[body] += of_body[link++];
+  }
+  of_body.resize(bodies);
 }
 
 BodyLoad WallLinks::load(const Populations& populations, Parity parity) const {
   BodyLoad total;
-  for (std::size_t body = 0; body + 1 < first_of_body_.size(); ++body)
-    total += load(populations, parity, body);
+  std::vector<BodyLoad> of_body;
+  loads(populations, parity, of_body);
+  for (const BodyLoad& load : of_body) total += load;
   return total;
+}
+
+std::vector<double> WallLinks::save_memory() const {
+  std::vector<double> values = memory_.save();
+  share(ranks_, values);
+  return values;
 }
 
 }  // namespace estuary::fluid

@@ -39,6 +39,7 @@
 
 #include "cells.hpp"
 #include "populations.hpp"
+#include "ranks.hpp"
 #include "wall_memory.hpp"
 
 namespace estuary::fluid {
@@ -71,7 +72,9 @@ struct WallLinkCounts {
 class WallLinks {
 public:
   WallLinks() = default;
-  explicit WallLinks(RelaxationParts relaxation) : relaxation_(relaxation) {}
+  /// Where ranks share the grid, every one knows all links and reflects at those of its own nodes.
+  explicit WallLinks(RelaxationParts relaxation, Ranks* ranks = nullptr)
+      : relaxation_(relaxation), ranks_(ranks) {}
 
   void clear();
   /// Adds the link of `node` along direction i; links of one node one after another. `arm` goes from the
@@ -83,6 +86,8 @@ public:
   void finish(std::size_t bodies);
   [[nodiscard]] bool empty() const { return rules_.empty(); }
   [[nodiscard]] const WallLinkCounts& counts() const { return counts_; }
+  /// A rule looks at more than its own node's populations, as the quadratic one and Yin-Zhang's do.
+  [[nodiscard]] bool looks_beside() const { return looks_beside_; }
 
   /// Writes the incoming populations: once per step, by every thread of a parallel region.
   /// `acceleration` is the body force per mass.
@@ -99,8 +104,13 @@ public:
   [[nodiscard]] BodyLoad load(const Populations& populations, Parity parity, std::size_t body) const;
   /// On all bodies.
   [[nodiscard]] BodyLoad load(const Populations& populations, Parity parity) const;
+  /// On each body, to be asked for by all ranks at once.
+  void loads(const Populations& populations, Parity parity, std::vector<BodyLoad>& of_body) const;
+  /// The memory's values, of all ranks' links.
+  [[nodiscard]] std::vector<double> save_memory() const;
 
 private:
+  [[nodiscard]] BodyLoad load_of_link(const Populations& populations, Parity parity, std::size_t link) const;
   // Locations after an even [0] and an odd [1] step.
   struct Rule {
     std::array<std::ptrdiff_t, 2> leaving;
@@ -128,6 +138,7 @@ private:
     int direction = 0;
     std::array<double, 3> velocity{};
     std::array<double, 3> arm{};
+    std::int32_t owner = 0;  // rank of the node
   };
   std::vector<Rule> rules_;
   std::vector<Place> places_;
@@ -137,6 +148,10 @@ private:
   std::vector<std::uint32_t> by_body_;
   WallLinkCounts counts_;
   RelaxationParts relaxation_;
+  Ranks* ranks_ = nullptr;
+  bool looks_beside_ = false;
+  // Of each body: the rank that has all its links, or -1 where several have some.
+  std::vector<std::int32_t> owner_of_body_;
   WallMemory memory_;
 };
 

@@ -5,15 +5,16 @@
 namespace estuary::fluid {
 void WallMemory::clear() {
   kept_.clear();
-  for (std::size_t n = 0; n < links_.size(); ++n) kept_.push_back({links_[n].key, values_[n]});
+  for (std::size_t n = 0; n < links_.size(); ++n)
+    if (links_[n].key != 0) kept_.push_back({links_[n].key, values_[n]});
   links_.clear();
   values_.clear();
 }
 
-std::size_t WallMemory::add(std::ptrdiff_t node, int i, const Populations& layout) {
+std::size_t WallMemory::add(std::ptrdiff_t node, int i, const Populations& layout, bool own) {
   const int o = layout.lattice().opposite[i];
   Link link;
-  link.key = static_cast<std::int64_t>(node) * most_velocities + i;
+  if (own) link.key = static_cast<std::int64_t>(layout.number_in_grid(node)) * most_velocities + i;
   for (const Parity parity : parities) {
     const std::size_t k = parity == Parity::even ? 0 : 1;
     link.leaving[k] = layout.post_collision(parity, i, node);
@@ -45,6 +46,7 @@ void WallMemory::note(const Populations& populations, Parity parity) {
   const std::size_t k = parity == Parity::even ? 0 : 1;
 #pragma omp for schedule(static)
   for (std::size_t n = 0; n < links_.size(); ++n) {
+    if (links_[n].key == 0) continue;
     Values& now = values_[n][k];
     now.along = populations[links_[n].incoming[k]];
     now.against = populations[links_[n].incoming_back[k]];

@@ -14,8 +14,9 @@ class WallMemory {
 public:
   /// Forgets the links but not what they held, which goes to the same links when they are added again.
   void clear();
-  /// The pair along i and its opposite at `node`; gives its number.
-  std::size_t add(std::ptrdiff_t node, int i, const Populations& layout);
+  /// The pair along i and its opposite at `node`; gives its number. What is not this process's `own` is only
+  /// counted.
+  std::size_t add(std::ptrdiff_t node, int i, const Populations& layout, bool own = true);
   /// After the last `add`.
   void finish();
   [[nodiscard]] bool empty() const { return links_.empty(); }
@@ -58,7 +59,7 @@ private:
     bool known = false;
   };
   struct Link {
-    std::int64_t key = 0;
+    std::int64_t key = 0;                   // 0 when it is another process's
     std::array<std::ptrdiff_t, 2> leaving;  // after an even [0] and an odd [1] step
     std::array<std::ptrdiff_t, 2> leaving_back;
     std::array<std::ptrdiff_t, 2> incoming;

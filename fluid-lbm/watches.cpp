@@ -91,16 +91,54 @@ void evaluate_point(const FluidScene& scene, const WatchRequest& watch, const Fi
   values.quantities.emplace_back("vorticity", vorticity_at(fields, flow, at) / units.time_step);
 }
 
-// Relative L2 and largest difference to the velocity a scene gives.
-void compare(const FluidScene& scene, const WatchRequest& watch, const Fields& fields, const Cells& cells,
-             double time, WatchValues& values) {
-  const Grid& grid = cells.grid();
-  const double to_velocity = 1 / scene.units.velocity_to_lattice();
+// The nodes that `sample_at` may look at around the points of a watch, and one spacing beside them.
+std::vector<Node> nodes_around(const Grid& grid, const WatchRequest& watch) {
+  const auto components = static_cast<std::size_t>(grid.dimension());
+  const std::array<int, 3> counts{grid.nx, grid.ny, grid.layers()};
+  const std::array<bool, 3> periodic{grid.periodic_x, grid.periodic_y, grid.periodic_z};
+  const auto from = to_lattice(grid, watch.points.data());
+  const bool line = watch.kind == WatchRequest::Kind::line;
+  const auto to = line ? to_lattice(grid, watch.points.data() + components) : from;
+  const int samples = line ? watch.samples : 1;
+  std::vector<std::size_t> found;
+  for (int n = 0; n < samples; ++n) {
+    const double fraction = samples > 1 ? static_cast<double>(n) / (samples - 1) : 0.0;
+    constexpr int reach = 4;  // a polynomial's four nodes, one-sided, and one spacing
+    std::array<std::vector<int>, 3> along{{{0}, {0}, {0}}};
+    for (std::size_t axis = 0; axis < components; ++axis) {
+      along[axis].clear();
+      const int at = static_cast<int>(std::floor(from[axis] + fraction * (to[axis] - from[axis])));
+      for (int k = at - reach; k <= at + reach + 1; ++k) {
+        const int inside = periodic[axis] ? (k % counts[axis] + counts[axis]) % counts[axis] : k;
+        if (inside >= 0 && inside < counts[axis]) along[axis].push_back(inside);
+      }
+    }
+    for (const int z : along[2])
+      for (const int y : along[1])
+        for (const int x : along[0]) found.push_back(grid.index(x, y, z));
+  }
+  std::sort(found.begin(), found.end());
+  found.erase(std::unique(found.begin(), found.end()), found.end());
+  std::vector<Node> nodes;
+  const auto nx = static_cast<std::size_t>(grid.nx);
+  const auto ny = static_cast<std::size_t>(grid.ny);
+  for (const std::size_t k : found)
+    nodes.push_back({static_cast<int>(k % nx), static_cast<int>(k / nx % ny), static_cast<int>(k / nx / ny)});
+  return nodes;
+}
+
+struct Comparison {
   double change = 0;
   double norm = 0;
   double largest = 0;
   double largest_exact = 0;
-  for (int row = 0; row < grid.rows(); ++row) {
+};
+
+void compare_own_rows(const FluidScene& scene, const WatchRequest& watch, const Fields& fields,
+                      const Cells& cells, double time, Comparison& sums) {
+  const Grid& grid = cells.grid();
+  const double to_velocity = 1 / scene.units.velocity_to_lattice();
+  for (int row = grid.first_row(); row < grid.past_row(); ++row) {
     const int y = row % grid.ny;
     const int z = row / grid.ny;
     for (const Span span : cells.row(row)) {
@@ -116,13 +154,22 @@ void compare(const FluidScene& scene, const WatchRequest& watch, const Fields& f
           square += (computed[axis] * to_velocity - exact) * (computed[axis] * to_velocity - exact);
           exact_square += exact * exact;
         }
-        change += square;
-        norm += exact_square;
-        largest = std::max(largest, square);
-        largest_exact = std::max(largest_exact, exact_square);
+        sums.change += square;
+        sums.norm += exact_square;
+        sums.largest = std::max(sums.largest, square);
+        sums.largest_exact = std::max(sums.largest_exact, exact_square);
       }
     }
   }
+}
+
+// Relative L2 and largest difference to the velocity a scene gives.
+void compare(const FluidScene& scene, const WatchRequest& watch, const Fields& fields, const Cells& cells,
+             double time, Ranks* ranks, WatchValues& values) {
+  Comparison sums;
+  in_turn(ranks, sums,
+          [&](Comparison& so_far) { compare_own_rows(scene, watch, fields, cells, time, so_far); });
+  const auto& [change, norm, largest, largest_exact] = sums;
   values.quantities.emplace_back("velocity_error", norm > 0 ? std::sqrt(change / norm) : std::sqrt(change));
   values.quantities.emplace_back("largest_velocity_error",
                                  largest_exact > 0 ? std::sqrt(largest / largest_exact) : std::sqrt(largest));
@@ -130,7 +177,7 @@ void compare(const FluidScene& scene, const WatchRequest& watch, const Fields& f
 
 // Means over the fluid nodes of a box, and the permeability by Darcy's law of the medium in it.
 void evaluate_box(const FluidScene& scene, const WatchRequest& watch, const Fields& fields,
-                  const Cells& cells, double time, WatchValues& values) {
+                  const Cells& cells, double time, Ranks* ranks, WatchValues& values) {
   const Units& units = scene.units;
   const Grid& grid = cells.grid();
   const auto components = static_cast<std::size_t>(grid.dimension());
@@ -144,25 +191,33 @@ void evaluate_box(const FluidScene& scene, const WatchRequest& watch, const Fiel
     high[axis] = std::min(counts[axis] - 1, static_cast<int>(std::floor(to[axis] + 1e-9)));
     nodes *= std::max(0, high[axis] - low[axis] + 1);
   }
-  double fluid = 0, pressure = 0;
-  std::array<double, 3> velocity{}, place{}, square{}, mixed{};
-  for (int z = low[2]; z <= high[2]; ++z)
-    for (int y = low[1]; y <= high[1]; ++y)
-      for (int x = low[0]; x <= high[0]; ++x) {
-        if (!cells.fluid(x, y, z)) continue;
-        const std::size_t k = grid.index(x, y, z);
-        const std::array<double, 3> v{fields.velocity_x[k], fields.velocity_y[k],
-                                      grid.nz > 0 ? fields.velocity_z[k] : 0.0};
-        const std::array<double, 3> at{x - from[0], y - from[1], z - from[2]};
-        fluid += 1;
-        pressure += fields.excess[k];
-        for (std::size_t axis = 0; axis < 3; ++axis) {
-          velocity[axis] += v[axis];
-          place[axis] += at[axis];
-          square[axis] += at[axis] * at[axis];
-          mixed[axis] += at[axis] * fields.excess[k];
+  struct Sums {
+    double fluid = 0, pressure = 0;
+    std::array<double, 3> velocity{}, place{}, square{}, mixed{};
+  };
+  Sums sums;
+  in_turn(ranks, sums, [&](Sums& all) {
+    for (int z = low[2]; z <= high[2]; ++z)
+      for (int y = low[1]; y <= high[1]; ++y) {
+        if (!grid.owns(y, z)) continue;
+        for (int x = low[0]; x <= high[0]; ++x) {
+          if (!cells.fluid(x, y, z)) continue;
+          const std::size_t k = grid.index(x, y, z);
+          const std::array<double, 3> v{fields.velocity_x[k], fields.velocity_y[k],
+                                        grid.nz > 0 ? fields.velocity_z[k] : 0.0};
+          const std::array<double, 3> at{x - from[0], y - from[1], z - from[2]};
+          all.fluid += 1;
+          all.pressure += fields.excess[k];
+          for (std::size_t axis = 0; axis < 3; ++axis) {
+            all.velocity[axis] += v[axis];
+            all.place[axis] += at[axis];
+            all.square[axis] += at[axis] * at[axis];
+            all.mixed[axis] += at[axis] * fields.excess[k];
+          }
         }
       }
+  });
+  const auto& [fluid, pressure, velocity, place, square, mixed] = sums;
   const double to_velocity = 1 / units.velocity_to_lattice();
   const double to_pressure = D2Q9::sound_speed_squared * units.stress();
   const auto drive = evaluate_body_force(scene, time);
@@ -184,11 +239,11 @@ void evaluate_box(const FluidScene& scene, const WatchRequest& watch, const Fiel
 }
 
 void evaluate_integral(const FluidScene& scene, const Fields& fields, const Cells& cells,
-                       const BodyLoad& force, WatchValues& values) {
+                       const BodyLoad& force, Ranks* ranks, WatchValues& values) {
   const Units& units = scene.units;
   const Grid& grid = cells.grid();
   const double to_velocity = 1 / units.velocity_to_lattice();
-  const FieldSums sums = sum_fields(fields, cells, scene.flow.sides);
+  const FieldSums sums = sum_fields(fields, cells, scene.flow.sides, ranks);
   const double cell = std::pow(units.spacing, grid.dimension());
   // Of the whole domain, solid included.
   double volume = 1;
@@ -259,11 +314,14 @@ bool watches_need_fields(const FluidScene& scene) {
                      [](const WatchRequest& watch) { return watch.kind != WatchRequest::Kind::obstacle; });
 }
 
-std::vector<WatchValues> evaluate_watches(const FluidScene& scene, const Fields& fields, const Flow& flow,
-                                          double time, const BodyLoad& force) {
+std::vector<WatchValues> evaluate_watches(const FluidScene& scene, Fields& fields, const Flow& flow,
+                                          double time, const BodyLoad& force, Ranks* ranks) {
   std::vector<WatchValues> result;
   for (const WatchRequest& watch : scene.watches) {
     WatchValues values{watch.name, {}};
+    const bool sampled = watch.kind == WatchRequest::Kind::point || watch.kind == WatchRequest::Kind::line;
+    if (ranks != nullptr && sampled)
+      share_fields(ranks, flow.grid(), nodes_around(flow.grid(), watch), fields);
     switch (watch.kind) {
       case WatchRequest::Kind::point:
         evaluate_point(scene, watch, fields, flow, values);
@@ -272,14 +330,14 @@ std::vector<WatchValues> evaluate_watches(const FluidScene& scene, const Fields&
         evaluate_line(scene, watch, fields, flow, values);
         break;
       case WatchRequest::Kind::box:
-        evaluate_box(scene, watch, fields, flow.cells(), time, values);
+        evaluate_box(scene, watch, fields, flow.cells(), time, ranks, values);
         break;
       case WatchRequest::Kind::obstacle:
         evaluate_obstacle(scene, watch, flow, values);
         break;
       case WatchRequest::Kind::integral:
-        evaluate_integral(scene, fields, flow.cells(), force, values);
-        if (!watch.exact_velocity.empty()) compare(scene, watch, fields, flow.cells(), time, values);
+        evaluate_integral(scene, fields, flow.cells(), force, ranks, values);
+        if (!watch.exact_velocity.empty()) compare(scene, watch, fields, flow.cells(), time, ranks, values);
         break;
     }
     result.push_back(std::move(values));

@@ -28,9 +28,10 @@ namespace estuary::fluid {
 /// fluid
 ///           and solid) [m/s], force_x, ...: on all that is fixed and the wet surface [N, N/m]; with an exact
 ///           velocity velocity_error (relative L2) and largest_velocity_error (over the largest exact one)
-/// `fields` are looked at only when `watches_need_fields`.
-std::vector<WatchValues> evaluate_watches(const FluidScene& scene, const Fields& fields, const Flow& flow,
-                                          double time, const BodyLoad& force);
+/// `fields` are looked at only when `watches_need_fields`. Where ranks share the grid all call this; `fields`
+/// then learn of nodes of other ranks that a watch looks at.
+std::vector<WatchValues> evaluate_watches(const FluidScene& scene, Fields& fields, const Flow& flow,
+                                          double time, const BodyLoad& force, Ranks* ranks = nullptr);
 [[nodiscard]] bool watches_need_fields(const FluidScene& scene);
 
 }  // namespace estuary::fluid

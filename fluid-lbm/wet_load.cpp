@@ -37,6 +37,14 @@ double distance_to(const Segment& s, double x, double y) {
   return std::hypot(x - s.ax - r * tx, y - s.ay - r * ty);
 }
 
+std::array<double, D2Q9::count> reaching(const Populations& populations, Node at) {
+  const std::ptrdiff_t node = populations.node(at.x, at.y);
+  std::array<double, D2Q9::count> f;
+  for (int i = 0; i < D2Q9::count; ++i)
+    f[static_cast<std::size_t>(i)] = populations[populations.incoming(populations.parity(), i, node)];
+  return f;
+}
+
 // From 0 at the surface to 1 one spacing away from it: a node that the surface covers has lost its say
 // before.
 double say_of(double clearance) {
@@ -175,8 +183,21 @@ void WetLoad::build(const Surface& surface, const Cells& cells) {
   }
 }
 
+std::vector<double> WetLoad::shared_populations(const Populations& populations, Ranks* ranks) const {
+  if (ranks == nullptr) return {};
+  std::vector<double> values(D2Q9::count * supports_.size(), 0.0);
+  for (std::size_t k = 0; k < supports_.size(); ++k) {
+    if (!populations.owns(supports_[k].node.y)) continue;
+    const auto f = reaching(populations, supports_[k].node);
+    std::copy(f.begin(), f.end(), values.begin() + static_cast<std::ptrdiff_t>(f.size() * k));
+  }
+  share(ranks, values);
+  return values;
+}
+
 void WetLoad::evaluate(const Populations& populations, EquilibriumModel model, Rates rates,
-                       std::vector<double>& pressure, std::vector<double>* traction) const {
+                       std::vector<double>& pressure, std::vector<double>* traction, Ranks* ranks) const {
+  const std::vector<double> shared = shared_populations(populations, ranks);
   const std::size_t nodes = first_.size() - 1;
   pressure.assign(nodes, 0.0);
   if (traction != nullptr) traction->assign(2 * nodes, 0.0);
@@ -187,10 +208,11 @@ void WetLoad::evaluate(const Populations& populations, EquilibriumModel model, R
     double yy = 0;
     for (std::size_t k = first_[n]; k < first_[n + 1]; ++k) {
       const Support& s = supports_[k];
-      const std::ptrdiff_t node = populations.node(s.node.x, s.node.y);
       std::array<double, D2Q9::count> f;
-      for (int i = 0; i < D2Q9::count; ++i) {
-        f[static_cast<std::size_t>(i)] = populations[populations.incoming(populations.parity(), i, node)];
+      if (shared.empty()) {
+        f = reaching(populations, s.node);
+      } else {
+        std::copy_n(shared.begin() + static_cast<std::ptrdiff_t>(f.size() * k), f.size(), f.begin());
       }
       const Moments m = moments_of<D2Q9>(f);
       pressure[n] += s.weight * D2Q9::sound_speed_squared * m.excess;

@@ -36,7 +36,7 @@ public:
   /// Lattice units; one value per wet node, traction two. `traction` may be null. Populations with boundary
   /// rules applied.
   void evaluate(const Populations& populations, EquilibriumModel equilibrium, Rates rates,
-                std::vector<double>& pressure, std::vector<double>* traction) const;
+                std::vector<double>& pressure, std::vector<double>* traction, Ranks* ranks = nullptr) const;
   [[nodiscard]] const WetLoadCounts& counts() const { return counts_; }
 
 private:
@@ -58,6 +58,8 @@ private:
   [[nodiscard]] bool hidden(const WetNode& wet, double x, double y) const;
   void find_visible(const Surface& surface, const Cells& cells, const WetNode& wet);
   bool find_nearest(const Surface& surface, const Cells& cells, const WetNode& wet);
+  // The populations that reach the supports' nodes, one support after another, of whichever rank they are.
+  [[nodiscard]] std::vector<double> shared_populations(const Populations& populations, Ranks* ranks) const;
   bool fit_linear();
   void fit_mean();
 

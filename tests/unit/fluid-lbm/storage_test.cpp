@@ -18,7 +18,7 @@ FlowSettings lid(int n, Storage storage, CollisionModel collision) {
   return settings;
 }
 
-double largest_difference(const std::vector<double>& a, const std::vector<double>& b) {
+double largest_difference(const NodeValues& a, const NodeValues& b) {
   double largest = 0;
   for (std::size_t k = 0; k < a.size(); ++k) largest = std::max(largest, std::abs(a[k] - b[k]));
   return largest;

@@ -1,0 +1,176 @@
+#include "shared_participant.hpp"
+
+#include <fmt/format.h>
+
+#include <exception>
+#include <memory>
+
+namespace estuary::fluid {
+namespace {
+
+enum class Call : std::uint64_t { configure, start, advance, accept, save, load, frame, stop };
+
+void send_call(Ranks& ranks, Call call) {
+  (void)as_first_rank(&ranks, call);
+}
+
+// From the first rank to the others, who get it back.
+std::string tell(Ranks& ranks, std::string text) {
+  text.resize(as_first_rank(&ranks, text.size()));
+  // In pieces: a size in bytes of what broadcasts may exceed what an int holds.
+  if (!text.empty()) ranks.broadcast(0, std::as_writable_bytes(std::span(text)));
+  return text;
+}
+
+// What went wrong, when it did so on one rank only; nothing when all ranks have seen the same.
+template <class Carry>
+void carry_out(const Carry& carry, const EndAll& end_all, bool rethrow) {
+  try {
+    carry();
+    return;
+  } catch (const Diverged&) {
+    if (rethrow) throw;
+  } catch (const NotConverged&) {
+    if (rethrow) throw;
+  } catch (const BadInput&) {
+    if (rethrow) throw;
+  } catch (const Interrupted&) {
+    if (rethrow) throw;
+  } catch (const std::invalid_argument&) {
+    if (rethrow) throw;
+  } catch (const std::bad_alloc&) {
+    end_all("out of memory");
+  } catch (const std::exception& error) {
+    end_all(error.what());
+  }
+}
+
+}  // namespace
+
+SharedParticipant::SharedParticipant(std::unique_ptr<Participant> own, Ranks& ranks, EndAll end_all)
+    : own_(std::move(own)), ranks_(ranks), end_all_(std::move(end_all)) {}
+
+SharedParticipant::~SharedParticipant() {
+  if (!stopped_) send_call(ranks_, Call::stop);
+}
+
+Plan SharedParticipant::configure(Scene& scene, const std::string& role) {
+  send_call(ranks_, Call::configure);
+  tell(ranks_, scene.as_run());
+  tell(ranks_, role);
+  return own_->configure(scene, role);
+}
+
+v1::Exchange SharedParticipant::start(const v1::Exchange& initial, const std::filesystem::path& folder) {
+  send_call(ranks_, Call::start);
+  tell(ranks_, initial.SerializeAsString());
+  v1::Exchange result;
+  std::exception_ptr lacking;
+  carry_out(
+      [&] {
+        try {
+          result = own_->start(initial, folder);
+        } catch (const LackOfMemory&) {
+          lacking = std::current_exception();
+        }
+      },
+      end_all_, true);
+  if (lacking) std::rethrow_exception(lacking);
+  return result;
+}
+
+AdvanceResult SharedParticipant::advance(const Window& window, const v1::Exchange& inputs,
+                                         ProgressBoard& progress) {
+  send_call(ranks_, Call::advance);
+  (void)as_first_rank(&ranks_, window);
+  tell(ranks_, inputs.SerializeAsString());
+  AdvanceResult result;
+  carry_out([&] { result = own_->advance(window, inputs, progress); }, end_all_, true);
+  return result;
+}
+
+void SharedParticipant::accept() {
+  send_call(ranks_, Call::accept);
+  own_->accept();
+}
+
+// Files are the first rank's, after all have given it what belongs there: an error of it is not theirs.
+void SharedParticipant::save(const std::filesystem::path& file) {
+  send_call(ranks_, Call::save);
+  own_->save(file);
+}
+
+void SharedParticipant::load(const std::filesystem::path& file) {
+  send_call(ranks_, Call::load);
+  own_->load(file);
+}
+
+std::vector<std::string> SharedParticipant::frame(std::uint64_t number, double time) {
+  send_call(ranks_, Call::frame);
+  return own_->frame(number, time);
+}
+
+void SharedParticipant::stop() {
+  own_->stop();
+  send_call(ranks_, Call::stop);
+  stopped_ = true;
+}
+
+void follow_first_rank(Participant& participant, Ranks& ranks, const EndAll& end_all) {
+  ProgressBoard board;
+  participant.report_to(board);
+  std::optional<Scene> scene;  // expressions of the participant may look into it
+  for (Call call = Call::accept; call != Call::stop;) {
+    call = as_first_rank(&ranks, Call::stop);
+    carry_out(
+        [&] {
+          switch (call) {
+            case Call::configure: {
+              const std::string text = tell(ranks, {});
+              const std::string role = tell(ranks, {});
+              scene.emplace(Scene::parse(text, "scene"));
+              if (scene->problems().empty()) (void)participant.configure(*scene, role);
+              break;
+            }
+            case Call::start: {
+              v1::Exchange initial;
+              initial.ParseFromString(tell(ranks, {}));
+              try {
+                (void)participant.start(initial, ".");
+              } catch (const LackOfMemory&) {
+                // Known to all.
+              }
+              break;
+            }
+            case Call::advance: {
+              const Window window = as_first_rank(&ranks, Window{});
+              v1::Exchange inputs;
+              inputs.ParseFromString(tell(ranks, {}));
+              (void)participant.advance(window, inputs, board);
+              break;
+            }
+            case Call::accept:
+              participant.accept();
+              break;
+            case Call::save:
+              participant.save({});
+              break;
+            case Call::load:
+              try {
+                participant.load({});
+              } catch (const std::runtime_error&) {
+                // The first rank's file; all have heard what is wrong with it.
+              }
+              break;
+            case Call::frame:
+              (void)participant.frame(0, 0.0);
+              break;
+            case Call::stop:
+              break;
+          }
+        },
+        end_all, false);
+  }
+}
+
+}  // namespace estuary::fluid
