@@ -63,7 +63,7 @@ std::string first_difference(const std::filesystem::path& folder, const std::str
 }  // namespace
 
 std::string resumable_text(const Scene& scene) {
-  constexpr std::array<std::string_view, 29> may_change = {"recovery",
+  constexpr std::array<std::string_view, 30> may_change = {"recovery",
                                                            "hosts",
                                                            "check",
                                                            "title",
@@ -83,6 +83,7 @@ std::string resumable_text(const Scene& scene) {
                                                            "fluid.solver",
                                                            "fluid.connect",
                                                            "fluid.threads",
+                                                           "fluid.ranks",
                                                            "fluid.host",
                                                            "solid.solver",
                                                            "solid.connect",

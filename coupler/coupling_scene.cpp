@@ -28,6 +28,18 @@ std::vector<std::string> split_words(const std::string& text) {
   return words;
 }
 
+// A program that several processes are together has `-mpi` behind the name of the one that is alone.
+void read_ranks(SceneTable& table, ParticipantScene& participant) {
+  participant.ranks = static_cast<int>(table.integer_or("ranks", 1, 1, 100'000));
+  if (participant.ranks == 1 || participant.command.empty()) return;
+  if (participant.role != "fluid") {
+    table.problem("ranks", fmt::format("the {} is one process: only the fluid is shared among ranks",
+                                       participant.role));
+    return;
+  }
+  if (!participant.command.front().ends_with("-mpi")) participant.command.front() += "-mpi";
+}
+
 void read_participants(SceneTable& root, CouplingScene& result) {
   for (const auto role : roles) {
     auto table = root.table_if(role);
@@ -45,6 +57,7 @@ void read_participants(SceneTable& root, CouplingScene& result) {
       if (participant.command.empty()) table->problem("solver", "the program to launch is empty");
     }
     participant.threads = static_cast<int>(table->integer_or("threads", 0, 0, 1024));
+    if (table->has("ranks")) read_ranks(*table, participant);
     result.participants.push_back(std::move(participant));
   }
   if (result.participants.empty()) {

@@ -32,6 +32,7 @@ struct ParticipantScene {
   std::string endpoint;
   std::string bind = {};  // where it listens, when that is not where it is reached (a forwarded port)
   int threads = 0;        // 0: all cores
+  int ranks = 1;          // processes, by mpirun, that are this participant together
   Launch launch = Launch::local;
   std::string host = {};        // for ssh; for Slurm, when it has to be a certain one
   std::string folder = {};      // its working folder on that machine

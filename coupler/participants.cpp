@@ -219,6 +219,28 @@ std::string quoted(const std::string& word) {
   return text + "'";
 }
 
+// Several processes instead of one. They may be more than the machine has cores, and it is not for the
+// coupler to bind them to some, when other participants compute at other times. Over several machines MPI
+// finds the hosts where it always does: in the allocation of Slurm, in a host file of its settings.
+std::vector<std::string> with_ranks(const ParticipantScene& participant, std::vector<std::string> words) {
+  if (participant.here()) {
+    // mpirun looks for programs in other places.
+    if (const auto program = find_program(words.front())) words.front() = program->string();
+  }
+  // Who waits gives way to those that compute.
+  std::vector<std::string> mpirun = {"mpirun",
+                                     "-n",
+                                     std::to_string(participant.ranks),
+                                     "--oversubscribe",
+                                     "--bind-to",
+                                     "none",
+                                     "--mca",
+                                     "mpi_yield_when_idle",
+                                     "1"};
+  mpirun.insert(mpirun.end(), words.begin(), words.end());
+  return mpirun;
+}
+
 // Brings the command to the machine it is meant for.
 std::vector<std::string> sent_to_host(const ParticipantScene& participant, std::vector<std::string> words) {
   if (participant.launch == Launch::ssh) {
@@ -261,6 +283,7 @@ std::vector<std::string> launch_command(const CouplingScene& scene, const Partic
     words.insert(words.end(), {"--key", participant.key, "--allow", participant.allow});
   else if (!is_local(endpoint))
     words.emplace_back("--insecure");
+  if (participant.ranks > 1) words = with_ranks(participant, std::move(words));
   if (!participant.here()) words = sent_to_host(participant, std::move(words));
   if (const auto program = find_program(words.front())) words.front() = program->string();
   return words;

@@ -1,8 +1,10 @@
 #include "plan.hpp"
 
 #include <fmt/format.h>
+#include <unistd.h>
 
 #include <algorithm>
+#include <cstdlib>
 #include <set>
 #include <tuple>
 
@@ -15,17 +17,32 @@ namespace {
 
 constexpr double check_timeout = 30.0;  // [s] for a program to check its table
 
+// What would otherwise be known only after the launch.
+void check_mpirun(SceneTable& table) {
+  if (!find_program("mpirun")) {
+    table.problem("ranks", "there is no mpirun on PATH to start several ranks with: install openmpi-bin");
+    return;
+  }
+  const auto set = [](const char* name) { return std::getenv(name) != nullptr; };
+  if (::geteuid() == 0 && !(set("OMPI_ALLOW_RUN_AS_ROOT") && set("OMPI_ALLOW_RUN_AS_ROOT_CONFIRM"))) {
+    table.problem("ranks",
+                  "mpirun starts nothing for root unless OMPI_ALLOW_RUN_AS_ROOT=1 and "
+                  "OMPI_ALLOW_RUN_AS_ROOT_CONFIRM=1 are in the environment; better be another user");
+  }
+}
+
 void ask_participants(CheckedScene& checked, Scene& scene) {
   for (const auto& participant : checked.coupling.participants) {
     if (participant.command.empty() || !participant.here()) continue;
     SceneTable table = scene.root().table(participant.role);
     const auto program = find_program(participant.command.front());
     if (!program) {
-      table.problem("solver",
+      table.problem(participant.ranks > 1 ? "ranks" : "solver",
                     fmt::format("'{}' is not a program: give a path, a name beside the coupler or on PATH",
                                 participant.command.front()));
       continue;
     }
+    if (participant.ranks > 1) check_mpirun(table);
     std::vector<std::string> words = participant.command;
     words.front() = program->string();
     words.emplace_back("--check");
@@ -191,7 +208,8 @@ std::string plan_text(const CheckedScene& checked) {
   std::string text = fmt::format("{}\n  {}\n", coupling.title, coupling_text(coupling));
   for (const auto& warning : checked.warnings) text += fmt::format("  warning: {}\n", warning);
   for (const auto& participant : coupling.participants) {
-    const std::string what = fmt::format("launch {}", fmt::join(participant.command, " "));
+    const std::string ranks = participant.ranks > 1 ? fmt::format("mpirun -n {} ", participant.ranks) : "";
+    const std::string what = fmt::format("launch {}{}", ranks, fmt::join(participant.command, " "));
     const std::string how = participant.here() ? what
                             : participant.launched()
                                 ? fmt::format("{} on {} at {}, folder {} there", what,
