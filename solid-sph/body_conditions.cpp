@@ -9,6 +9,8 @@
 #include "rigid_motion.hpp"
 #include "surface_transfer.hpp"
 
+#include "shell_row.hpp"
+
 namespace estuary::solid {
 namespace {
 

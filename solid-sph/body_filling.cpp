@@ -20,7 +20,7 @@ ShellSection shell_section(const SolidScene& scene, const BodyScene& body) {
           .plane_factor = scene.plane == Plane::strain ? 2 / std::sqrt(3.0) : 1.0,
           .hinge = shell.hinge,
           .shear_weight = shell.shear_weight,
-          .rupture = shell.rupture};
+          .rupture = body.rupture};
 }
 
 namespace {

@@ -106,6 +106,7 @@ BodyScene read_body(SceneTable& table, const SolidScene& scene, const SharedMate
     read_fluid(table, density, body);
   else
     body.material = read_material(table, shared);
+  if (kind == Kind::shell || kind == Kind::deformable) read_rupture(table, body);
   if (kind == Kind::shell)
     read_shell(table, body);
   else if (body.shape == Shape::polyline)

@@ -8,6 +8,7 @@
 #include "guide.hpp"
 #include "hourglass_viscosity.hpp"
 #include "rigid_motion.hpp"
+#include "rupture.hpp"
 #include "solver.hpp"
 #include "velocity_smoothing.hpp"
 
@@ -53,9 +54,16 @@ public:
         history_.insert(history_.end(), Law::kRest.begin(), Law::kRest.end());
       rest_history_ = history_;
     }
+    if (options.rupture.empty()) return;
+    rupture_.emplace(body_, pairs_, options.rupture, options.cracks, options.kernel);
+    const std::vector<double> rest = rupture_->rest_history();
+    history_.insert(history_.end(), rest.begin(), rest.end());
+    rest_history_ = history_;
+    restore();
   }
 
   std::int64_t evaluate(std::span<const double> displacement) override {
+    restore();
     const std::int64_t bad = stresses<false>(displacement);
     forces<false>(displacement, {});
     return bad;
@@ -64,14 +72,22 @@ public:
     if constexpr (kHistory) stresses<true>(displacement);
   }
   double energy(std::span<const double> displacement) const override {
-    return internal_energy<Law, Stabilised>(body_, pairs_, laws_, displacement, fields_, history_.data());
+    return internal_energy<Law, Stabilised>(own_body(), pairs_, laws_, displacement, fields_,
+                                            history_.data());
   }
   double plastic_work() const override {
     if constexpr (kHistory)
       return ordered_sum(body_.size(), [&](std::size_t i) {
-        return body_.energy_volume[i] * history_[Law::history_size * i + Law::history_size - 1];
+        return own_body().energy_volume[i] * history_[Law::history_size * i + Law::history_size - 1];
       });
     return 0;
+  }
+  double fracture_work() const override { return rupture_ ? rupture_->energy_set_free(torn()) : 0; }
+  std::size_t law_history() const override { return Law::history_size; }
+  NamedValues totals(const State&) const override {
+    if (!rupture_) return {};
+    const auto lost = rupture_->losses(torn());
+    return {{"broken_links", lost[0]}, {"isolated_particles", lost[1]}, {"isolated_mass", lost[2]}};
   }
   std::array<double, 16> tangent_at(std::size_t i) const override {
     const Tensor<double> f = tensor_at(fields_.deformation_gradient, i);
@@ -119,7 +135,8 @@ public:
     std::optional<Contact> contact;
     if (!loading.contact.modulus.empty()) contact.emplace(body_, loading.contact);
 
-    if constexpr (kHistory) history_ = state.history;
+    if (kHistory || rupture_) history_ = state.history;
+    restore();
     set_time_step(kNoTime);
     sweep<false>(state.displacement, state.velocity, 0);
     set_time_step(dt);
@@ -139,6 +156,7 @@ public:
       rigid.drift(state, time);
       if constexpr (Viscous) guide.copy_velocity(state.velocity, predicted_velocity_);
       sweep<true>(state.displacement, predicted_velocity_, step);
+      if (rupture_) tear(state.displacement, predicted_velocity_, step);
       external.set(fraction, time, state.displacement);
       external.add_to(fields_.force);
       if (contact) {
@@ -166,7 +184,7 @@ public:
     }
     update<true, false>(state, kick);
     set_time_step(kNoTime);
-    if constexpr (kHistory) state.history = history_;
+    if (kHistory || rupture_) state.history = history_;
     state.time = start + duration;
     state.external_work += gravity_work(state, loading) - gravity_work_before;
   }
@@ -177,7 +195,9 @@ public:
       set_time_step(time_step);
       sweep<true>(displacement, velocity, step);
       set_time_step(kNoTime);
+      if (rupture_) tear(displacement, velocity, step);
     } else {
+      restore();
       sweep<false>(displacement, velocity, step);
     }
     double taken = hourglass_ ? hourglass_->add_to(velocity, fields_) : 0.0;
@@ -205,13 +225,58 @@ private:
   }
   template <bool Commit>
   std::int64_t stresses(std::span<const double> displacement) {
-    return compute_stress<Law, Stabilised, Commit>(body_, pairs_, laws_, displacement, fields_,
+    return compute_stress<Law, Stabilised, Commit>(own_body(), pairs_, laws_, displacement, fields_,
                                                    history_.data());
   }
   template <bool WithViscosity>
   void forces(std::span<const double> displacement, std::span<const double> velocity) {
     compute_force<Stabilised, WithViscosity, kHistory && Stabilised>(body_, pairs_, viscosities_,
                                                                      displacement, velocity, fields_);
+  }
+  // What is left of the body.
+  [[nodiscard]] const Body& own_body() const { return rupture_ ? rupture_->body() : body_; }
+  // The part of the history that is about broken links.
+  [[nodiscard]] std::span<const double> torn() const {
+    return std::span<const double>(history_).subspan(Law::history_size * body_.size());
+  }
+  // The operator of the history, which may have been set to that of another time.
+  void restore() {
+    if (!rupture_) return;
+    rupture_->restore(torn());
+    fields_.base = rupture_->base().data();
+  }
+  // Breaks links that are past their limits; forces are then those without them.
+  void tear(std::span<const double> displacement, std::span<const double> velocity, std::uint64_t step) {
+    constexpr std::size_t size = Law::history_size;
+    double before = 0;
+    Rupture::Loads loads;
+    loads.plastic = kHistory;
+    loads.begin = [&] { before = energy(displacement) + plastic_work(); };
+    loads.stored = [&](std::size_t i) {
+      const Tensor<double> f = tensor_at(fields_.deformation_gradient, i);
+      if constexpr (kHistory)
+        return laws_[body_.member[i]].energy_density(f, &history_[size * i]);
+      else
+        return laws_[body_.member[i]].energy_density(f);
+    };
+    loads.dissipated = loads.plastic_strain = [](std::size_t) { return 0.0; };
+    loads.unload = [](std::size_t) {};
+    if constexpr (kHistory) {
+      loads.dissipated = [&](std::size_t i) { return history_[size * i + size - 1]; };
+      loads.plastic_strain = [&](std::size_t i) { return history_[size * i + 4]; };
+      loads.unload = [&](std::size_t i) {
+        std::copy(Law::kRest.begin(), Law::kRest.begin() + 4, &history_[size * i]);
+      };
+    }
+    const std::span<double> own = std::span<double>(history_).subspan(size * body_.size());
+    if (rupture_->break_links(displacement, fields_.deformation_gradient, loads, own) == 0) return;
+    fields_.base = rupture_->base().data();
+    const std::vector<double> whole = fields_.force;
+    sweep<false>(displacement, velocity, step);
+    // Up to here the links held: the kick about this instant is half theirs. (With the new forces alone
+    // bodies gain energy at first order in the step.)
+    for (std::size_t c = 0; c < whole.size(); ++c) fields_.force[c] = 0.5 * (fields_.force[c] + whole[c]);
+    rupture_->set_free(before - energy(displacement) - plastic_work(), own);
   }
   // Both sweeps for a state on the way.
   template <bool Commit>
@@ -263,6 +328,7 @@ private:
   std::vector<double> predicted_velocity_;
   std::optional<VelocitySmoothing> smoothing_;
   std::optional<HourglassViscosity> hourglass_;
+  std::optional<Rupture> rupture_;
 };
 
 template <class Law>

@@ -227,7 +227,7 @@ double ImpactSolver::plastic_work() const {
 }
 
 double ImpactSolver::fracture_work() const {
-  return rows_ ? rows_->fracture_work(row_history_) : 0;
+  return (solid_ ? solid_->fracture_work() : 0) + (rows_ ? rows_->fracture_work(row_history_) : 0);
 }
 
 double ImpactSolver::kinetic_energy(const State& state) const {
@@ -527,7 +527,7 @@ NamedValues ImpactSolver::quantities_of(std::size_t i, const State& state) const
   }
   NamedValues values{{"pressure", pressure}, {"density", density}};
   // The same names for every particle: frames have one column for all.
-  if (solid_ && solid_->history().size() == J2Plasticity::history_size * solid_particle_.size()) {
+  if (solid_ && solid_->law_history() > 0) {
     const bool own = is_fluid_[i] == 0 && is_shell_[i] == 0 && local_[i] != kNone;
     values.emplace_back("plastic_strain",
                         own ? solid_->history()[J2Plasticity::history_size * local_[i] + 4] : 0.0);
@@ -552,6 +552,16 @@ NamedValues ImpactSolver::totals(const State& state) const {
                                  {"isolated_particles", lost[1]},
                                  {"isolated_mass", lost[2]},
                                  {"rupture_energy", lost[3]}});
+  }
+  if (solid_) {  // counts add up where shells break too
+    for (const auto& [name, value] : solid_->totals(state)) {
+      const auto same = std::find_if(result.begin(), result.end(),
+                                     [&n = name](const auto& entry) { return entry.first == n; });
+      if (same == result.end())
+        result.emplace_back(name, value);
+      else
+        same->second += value;
+    }
   }
   return result;
 }

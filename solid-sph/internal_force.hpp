@@ -40,6 +40,8 @@ struct Fields {
   // Share of the stabilisation each particle keeps; empty for laws without history. A particle that has
   // flowed resists less, and the springs would otherwise carry what the law no longer does.
   std::vector<double> spring_share;
+  // F of zero displacement, 4 per particle, where bodies are torn (Rupture::base); else null.
+  const double* base = nullptr;
 
   explicit Fields(std::size_t particles)
       : deformation_gradient(4 * particles), stress(4 * particles), force(2 * particles) {}
@@ -76,6 +78,7 @@ std::int64_t compute_stress(const Body& body, const Neighbourhood& pairs, std::s
   double* deformation = fields.deformation_gradient.data();
   double* stress = fields.stress.data();
   const std::uint8_t* member = body.member.data();
+  const double* base = fields.base;
   [[maybe_unused]] double* spring_share = fields.spring_share.data();
   const std::size_t n = body.size();
   std::int64_t bad = 0;
@@ -101,7 +104,9 @@ std::int64_t compute_stress(const Body& body, const Neighbourhood& pairs, std::s
         myy += dy * sy;
       }
     }
-    const Tensor<double> f{1 + hxx, hxy, hyx, 1 + hyy};
+    Tensor<double> f{1 + hxx, hxy, hyx, 1 + hyy};
+    if (base != nullptr)
+      f = {base[4 * i] + hxx, base[4 * i + 1] + hxy, base[4 * i + 2] + hyx, base[4 * i + 3] + hyy};
     const Law& law = laws[member[i]];
     Tensor<double> p;
     double share = 1;

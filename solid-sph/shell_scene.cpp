@@ -20,16 +20,6 @@ void read_shell(SceneTable& table, BodyScene& body) {
   for (const char* key : {"hinge", "shear_weight"})
     if (table.has(key) && body.material.plasticity.yield.empty())
       table.problem(key, "is of a shell with a `yield_stress`");
-  if (auto rupture = table.table_if("rupture")) {
-    shell.rupture.stretch = rupture->number_or("stretch", 0, Range::not_negative());
-    shell.rupture.shear = rupture->number_or("shear", 0, Range::not_negative());
-    shell.rupture.plastic_strain = rupture->number_or("plastic_strain", 0, Range::not_negative());
-    shell.rupture.energy = rupture->number_or("energy", 0, Range::not_negative());
-    if (!shell.rupture.any())
-      rupture->problem("", "give at least one of `stretch`, `shear`, `plastic_strain` and `energy` [J/m2]");
-    if (shell.rupture.plastic_strain > 0 && body.material.plasticity.yield.empty())
-      rupture->problem("plastic_strain", "is of a shell with a `yield_stress`");
-  }
   const Plasticity& plasticity = body.material.plasticity;
   if (plasticity.reference_rate > 0 || plasticity.damage_limit > 0)
     table.problem(plasticity.damage_limit > 0 ? "damage" : "reference_rate", "has no meaning for shells");
@@ -65,10 +55,6 @@ void check_shells(SceneTable& solid, const SolidScene& scene) {
     solid.problem("steady", "a shell's equilibrium is found by method = \"relaxation\"");
   if (solid.has("law") && !scene.plastic())
     solid.problem("law", "a shell is elastic, or law = \"j2_plasticity\" with a `yield_stress`");
-  if (scene.mode == Mode::steady &&
-      std::any_of(scene.bodies.begin(), scene.bodies.end(),
-                  [](const BodyScene& body) { return body.shell && body.shell->rupture.any(); }))
-    solid.problem("rupture", "is of transient runs");
 }
 
 double ShellScene::modulus(const MaterialScene& material, Plane plane) const {

@@ -190,8 +190,7 @@ bool SolidScene::shells() const {
 }
 
 bool SolidScene::breaks() const {
-  return std::any_of(bodies.begin(), bodies.end(),
-                     [](const BodyScene& body) { return body.shell && body.shell->rupture.any(); });
+  return std::any_of(bodies.begin(), bodies.end(), [](const BodyScene& body) { return body.rupture.any(); });
 }
 
 bool SolidScene::shell_at(const std::array<double, 2>& point) const {
@@ -232,6 +231,12 @@ SolverOptions SolidScene::solver_options() const {
   if (hourglass_viscosity > 0)
     for (std::size_t k = 0; k < bodies.size(); ++k)
       options.hourglass_time.push_back(bodies[k].rigid ? 0.0 : hourglass_viscosity * spacing / wave_speed(k));
+  if (std::any_of(bodies.begin(), bodies.end(),
+                  [](const BodyScene& body) { return !body.shell && body.rupture.any(); }))
+    for (const BodyScene& body : bodies) {
+      options.rupture.push_back(body.shell ? RuptureLimits{} : body.rupture);
+      options.cracks.insert(options.cracks.end(), body.cracks.begin(), body.cracks.end());
+    }
   for (std::size_t k = 0; k < bodies.size(); ++k) {
     Material material{.constants = constants(k), .plane = plane, .viscosity = {}, .plasticity = {}};
     material.plasticity = bodies[k].material.plasticity;
@@ -271,6 +276,7 @@ SolidScene read_solid_scene(Scene& scene, const std::string& role) {
                                                [](const BodyScene& body) { return body.rigid.has_value(); }))
     solid.problem("formulation", "\"updated_lagrangian\" knows no rigid bodies");
   check_shells(solid, result);
+  check_rupture(solid, result);
   check_impact(solid, result);
   read_watches(root, role, result);
   if (result.mode == Mode::steady)

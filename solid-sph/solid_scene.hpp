@@ -47,7 +47,6 @@ struct ShellScene {
   double shear_correction = 5.0 / 6.0;
   Hinge hinge = Hinge::growing;
   double shear_weight = 1;
-  RuptureLimits rupture;
 
   /// E' [Pa].
   [[nodiscard]] double modulus(const MaterialScene& material, Plane plane) const;
@@ -65,7 +64,9 @@ struct BodyScene {
   std::optional<RigidScene> rigid;
   std::optional<ShellScene> shell;
   std::optional<FluidMaterial> fluid;
-  std::array<std::string, 2> velocity;  // at the start, expressions of x and y; empty means 0
+  RuptureLimits rupture;
+  std::vector<std::array<double, 4>> cracks;  // of a solid, from the start: x0, y0, x1, y1 [m]
+  std::array<std::string, 2> velocity;        // at the start, expressions of x and y; empty means 0
 
   /// Outline of what the scene asks for; empty for a point list.
   [[nodiscard]] std::vector<Polygon> outline(double spacing) const;
@@ -210,6 +211,9 @@ void add_bodies(SceneTable& table, SolidScene& scene, const BodyScene& body);
 enum class Kind { deformable, rigid, shell, fluid };
 Kind read_kind(SceneTable& table);
 void read_shell(SceneTable& table, BodyScene& body);
+/// `rupture` of a solid or a shell; `check_rupture` notes what does not go with it.
+void read_rupture(SceneTable& table, BodyScene& body);
+void check_rupture(SceneTable& solid, const SolidScene& scene);
 /// Notes what a scene with shells asks for that they do not have.
 void check_shells(SceneTable& solid, const SolidScene& scene);
 void read_fluid(SceneTable& table, double shared_density, BodyScene& body);

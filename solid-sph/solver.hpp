@@ -14,6 +14,7 @@
 
 #include "internal_force.hpp"
 #include "loading.hpp"
+#include "rupture_limits.hpp"
 
 namespace estuary::solid {
 
@@ -60,9 +61,11 @@ struct SolverOptions {
   double stabilisation = 0;         // share of ElasticConstants::stabilisation_modulus
   Order order = Order::linear;
   Kernel kernel = Kernel::cubic_spline;
-  double conservative_smoothing = 0;   // alpha of VelocitySmoothing, transient only
-  double artificial_stress = 0;        // of UpdatedLagrangianSolver
-  std::vector<double> hourglass_time;  // of HourglassViscosity, of each body [s]; empty without it
+  double conservative_smoothing = 0;        // alpha of VelocitySmoothing, transient only
+  double artificial_stress = 0;             // of UpdatedLagrangianSolver
+  std::vector<double> hourglass_time;       // of HourglassViscosity, of each body [s]; empty without it
+  std::vector<RuptureLimits> rupture = {};  // of each body; empty without it
+  std::vector<std::array<double, 4>> cracks = {};  // from the start: x0, y0, x1, y1 [m]
 };
 
 class Solver {
@@ -85,6 +88,8 @@ public:
   virtual void commit(std::span<const double> displacement) = 0;
   /// Of laws that have one; empty otherwise.
   [[nodiscard]] const std::vector<double>& history() const { return history_; }
+  /// How many of its values belong to the law, for each particle; they come first.
+  [[nodiscard]] virtual std::size_t law_history() const { return 0; }
   void set_history(const std::vector<double>& history) { history_ = history; }
   /// Of the state last evaluated: elastic energy, that of the stabilisation, and what the increment would
   /// dissipate.

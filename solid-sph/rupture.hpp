@@ -1,0 +1,85 @@
+// Solid bodies that break: links between neighbours, taken out of the reference neighbourhood.
+//
+// A link breaks when its stretch, the mean plastic strain of its ends, or the energy they have taken up
+// passes a limit. The energy is that of a crack's area: with the spacing d and the densities of the elastic
+// energy and the plastic work at both ends, means over them, (w_e + 2 w_p) d: a crack takes a band of one
+// spacing out of an elastic body, and flow localises in two (crack band: Bazant & Oh 1983). Of links that
+// share an end only the one furthest past its limit breaks in a step.
+//
+// A touched particle gets the linearly corrected gradient of the links it has left (Maurel 2008, ch. 2) and
+// stands for as much less volume as its moment of links has lost across the crack, half of it at a straight
+// one: the operator then is the one of a row on a free side, and the energy of what is lost is set free. A
+// body that has flowed keeps the deformation gradient it had, F = (I + H) C with the C of the break; an
+// elastic one takes that of its links, C = I. A particle without two links in different directions carries
+// nothing more and flies on.
+#pragma once
+
+#include <array>
+#include <cstdint>
+#include <functional>
+#include <optional>
+#include <span>
+#include <vector>
+
+#include "neighbourhood.hpp"
+#include "rupture_limits.hpp"
+
+namespace estuary::solid {
+
+class Rupture {
+public:
+  /// `pairs` is what the sweeps use; it changes with every break. One set of limits for each member.
+  /// Links that cross a segment (x0, y0, x1, y1) of `cracks` are broken from the start.
+  Rupture(const Body& body, Neighbourhood& pairs, std::vector<RuptureLimits> limits,
+          std::vector<std::array<double, 4>> cracks, Kernel kernel);
+
+  /// With the volumes that are left.
+  [[nodiscard]] const Body& body() const { return body_; }
+  /// Deformation gradient of zero displacement, xx xy yx yy per particle: the C above.
+  [[nodiscard]] const std::vector<double>& base() const { return base_; }
+
+  /// What belongs into the history of the solver, behind that of the law: of every pair whether it is broken,
+  /// C of every particle, and the energy set free [J/m].
+  [[nodiscard]] std::vector<double> rest_history() const;
+  /// Makes the operator that of a history.
+  void restore(std::span<const double> history);
+  /// What particles know of themselves. Densities in J/m3.
+  struct Loads {
+    std::function<double(std::size_t)> stored, dissipated, plastic_strain;
+    std::function<void(std::size_t)> unload;  // forgets the plastic strain of one that is isolated
+    std::function<void()> begin;              // before anything breaks
+    bool plastic = false;
+  };
+  /// Breaks what is past its limits. Returns how many links.
+  std::size_t break_links(std::span<const double> displacement, const std::vector<double>& deformation,
+                          const Loads& loads, std::span<double> history);
+  void set_free(double energy, std::span<double> history) const { history.back() += energy; }
+  [[nodiscard]] double energy_set_free(std::span<const double> history) const { return history.back(); }
+  /// Broken links, isolated particles, their mass [kg/m].
+  [[nodiscard]] std::array<double, 3> losses(std::span<const double> history) const;
+
+private:
+  [[nodiscard]] double overload(std::size_t pair, std::size_t i, std::span<const double> displacement,
+                                const Loads& loads) const;
+  [[nodiscard]] bool intact(std::span<const double> history, std::size_t pair) const {
+    return history[pair] == 0;
+  }
+  /// Gradients of the particle's links that are left, without C; returns the share of the volume left, 0 when
+  /// it is isolated, nothing when no link of it is broken.
+  std::optional<double> fit(std::size_t i, std::span<const double> history);
+  void apply(std::span<const double> history);
+
+  Body body_;
+  const Body& whole_body_;
+  Neighbourhood& pairs_;
+  const Neighbourhood whole_;
+  std::vector<RuptureLimits> limits_;
+  std::vector<std::array<double, 4>> cracks_;
+  std::vector<double> weight_;         // |W'| / R of every pair
+  std::vector<std::uint32_t> mirror_;  // the same pair seen from its other end
+  std::vector<double> base_;
+  std::vector<double> applied_;  // the history that `pairs_` belongs to
+  std::vector<std::uint8_t> isolated_;
+};
+
+}  // namespace estuary::solid

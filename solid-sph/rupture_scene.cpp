@@ -1,0 +1,40 @@
+// Rupture in a scene: limits of a body's links, and what does not go with them.
+#include "solid_scene.hpp"
+
+namespace estuary::solid {
+
+void read_rupture(SceneTable& table, BodyScene& body) {
+  auto rupture = table.table_if("rupture");
+  if (!rupture) return;
+  body.rupture.stretch = rupture->number_or("stretch", 0, Range::not_negative());
+  body.rupture.shear = rupture->number_or("shear", 0, Range::not_negative());
+  body.rupture.plastic_strain = rupture->number_or("plastic_strain", 0, Range::not_negative());
+  body.rupture.energy = rupture->number_or("energy", 0, Range::not_negative());
+  if (!body.rupture.any())
+    rupture->problem("", "give at least one of `stretch`, `shear`, `plastic_strain` and `energy` [J/m2]");
+  const std::vector<double> points =
+      rupture->has("crack") ? rupture->points("crack", 2) : std::vector<double>{};
+  for (std::size_t k = 0; k + 3 < points.size(); k += 2)
+    body.cracks.push_back({points[k], points[k + 1], points[k + 2], points[k + 3]});
+  if (!body.cracks.empty() && body.shape == Shape::polyline)
+    rupture->problem("crack", "is of solids: a line that no link crosses");
+  if (body.rupture.plastic_strain > 0 && body.material.plasticity.yield.empty())
+    rupture->problem("plastic_strain", "is of a body with a `yield_stress`");
+  if (body.rupture.shear > 0 && body.shape != Shape::polyline)
+    rupture->problem("shear", "is of shells, whose links have a transverse shear strain");
+}
+
+void check_rupture(SceneTable& solid, const SolidScene& scene) {
+  if (!scene.breaks()) return;
+  if (scene.mode == Mode::steady) solid.problem("rupture", "is of transient runs");
+  if (scene.updated_lagrangian || scene.stress_points > 0 || scene.periodic ||
+      scene.hourglass_viscosity > 0 || scene.conservative_smoothing > 0)
+    solid.problem(
+        "rupture",
+        "does not go with updated_lagrangian, stress points, a periodic body, conservative smoothing "
+        "or hourglass viscosity");
+  if (!scene.shells() && (scene.wet_contour || !scene.wet.empty()))
+    solid.problem("wet", "does not go with `rupture`: the surface would have to open");
+}
+
+}  // namespace estuary::solid
