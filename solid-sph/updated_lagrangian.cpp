@@ -24,6 +24,8 @@ UpdatedLagrangianSolver::UpdatedLagrangianSolver(const Body& body, const SolverO
   for (std::size_t i = 0; i < body.size(); ++i)
     history_.insert(history_.end(), {0, 0, 0, 0, body.mass[i] / body.volume[i]});
   rest_history_ = history_;
+  const auto [least, most] = std::minmax_element(body.position.begin(), body.position.end());
+  too_far_ = 1e6 * (*most - *least + body.mean_spacing());
 }
 
 std::int64_t UpdatedLagrangianSolver::evaluate(std::span<const double> displacement) {
@@ -263,8 +265,8 @@ void UpdatedLagrangianSolver::advance(State& state, const Loading& loading, doub
     strain(state, dt);
     for (std::size_t c = 0; c < 2 * n; ++c) state.displacement[c] += dt * state.velocity[c];
     for (std::size_t i = 0; i < n; ++i)
-      if (!std::isfinite(state.displacement[2 * i] + state.displacement[2 * i + 1] +
-                         history_[kHistorySize * i]))
+      if (!(std::hypot(state.displacement[2 * i], state.displacement[2 * i + 1]) < too_far_) ||
+          !std::isfinite(history_[kHistorySize * i]))
         throw Breakdown(i, step, std::nan(""));
     find_neighbours(state);
     accelerate(state);

@@ -49,6 +49,7 @@ private:
   std::vector<Material> materials_;
   Kernel kernel_;
   double artificial_stress_, smoothing_;
+  double too_far_ = 0;             // a particle that has moved so far was thrown out by an unstable run [m]
   std::vector<double> repulsion_;  // R of each particle, xx xy yy [Pa m6/kg2]
   std::vector<double> smoothed_;
   std::unique_ptr<Solver>
