@@ -7,6 +7,7 @@
 #include <span>
 
 #include "rigid_motion.hpp"
+#include "shell_row.hpp"
 #include "surface_transfer.hpp"
 
 #include "shell_row.hpp"

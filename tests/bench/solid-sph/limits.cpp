@@ -334,7 +334,7 @@ int main(int argc, char** argv) {
           bisect(fmt::format("{} compression", kind), setting, 0.999, 0.15,
                  [&](double s) { return stretched(o, s); });
         if (wanted("ellipticity"))
-          bisect(fmt::format("ellipticity of the law, {}", kind), setting, 0.999, 0.15,
+          bisect(fmt::format("ellipticity of the law {}", kind), setting, 0.999, 0.15,
                  [&](double s) { return elliptic(o, s); });
       }
   }
