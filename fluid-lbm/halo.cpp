@@ -4,7 +4,14 @@
 
 namespace estuary::fluid {
 
-Halo::Halo(Ranks& ranks, const Grid& grid) : ranks_(ranks), axis_(grid.nz > 0 ? 2 : 1) {
+Halo::Halo(Ranks& ranks, const Grid& grid) : ranks_(ranks) {
+  const LatticeTable lattice = lattice_of_dimension(grid.dimension());
+  const std::size_t axis = grid.nz > 0 ? 2 : 1;
+  for (int i = 0; i < lattice.count; ++i) {
+    const int along = lattice.velocity[i][axis];
+    if (along != 0) crossing_[along > 0 ? 1 : 0].push_back(i);
+    all_.push_back(i);
+  }
   for (const int side : {0, 1}) {
     End& end = ends_[static_cast<std::size_t>(side)];
     end.towards = side == 0 ? -1 : 1;
@@ -49,16 +56,9 @@ void Halo::look_around(Populations& populations, Parity parity) {
   give_everything(populations);
 }
 
-std::vector<int> Halo::crossing(const LatticeTable& lattice, int towards) const {
-  std::vector<int> result;
-  for (int i = 1; i < lattice.count; ++i)
-    if (lattice.velocity[i][static_cast<std::size_t>(axis_)] == towards) result.push_back(i);
-  return result;
-}
-
-void Halo::pack(const Populations& populations, const Part& part, std::vector<std::byte>& bytes) {
+void Halo::pack(Populations& populations, const Part& part, std::vector<std::byte>& bytes) {
   const auto values = static_cast<std::size_t>(part.layers * populations.layer_size());
-  const_cast<Populations&>(populations).visit([&](const auto* f) {
+  populations.visit([&](const auto* f) {
     const std::size_t size = values * sizeof *f;
     bytes.resize(part.populations.size() * size);
     for (std::size_t n = 0; n < part.populations.size(); ++n) {
@@ -108,22 +108,18 @@ void Halo::transfer(Populations& populations, bool between_slabs, bool across_pe
 
 void Halo::take_back(Populations& populations, bool between_slabs, bool across_period) {
   transfer(populations, between_slabs, across_period, [&](const End& end) {
-    return std::pair{Part{crossing(populations.lattice(), end.towards), end.outer},
-                     Part{crossing(populations.lattice(), -end.towards), end.inner}};
+    return std::pair{Part{crossing(end.towards), end.outer}, Part{crossing(-end.towards), end.inner}};
   });
 }
 
 void Halo::give(Populations& populations, bool between_slabs, bool across_period, bool everything) {
   transfer(populations, between_slabs, across_period, [&](const End& end) {
     if (!everything) {
-      return std::pair{Part{crossing(populations.lattice(), -end.towards), end.inner},
-                       Part{crossing(populations.lattice(), end.towards), end.outer}};
+      return std::pair{Part{crossing(-end.towards), end.inner}, Part{crossing(end.towards), end.outer}};
     }
-    std::vector<int> all;
-    for (int i = 0; i < populations.lattice().count; ++i) all.push_back(i);
     constexpr int halo = Populations::halo;
-    return std::pair{Part{all, end.towards > 0 ? end.inner - halo + 1 : end.inner, halo},
-                     Part{all, end.towards > 0 ? end.outer : end.outer - halo + 1, halo}};
+    return std::pair{Part{all_, end.towards > 0 ? end.inner - halo + 1 : end.inner, halo},
+                     Part{all_, end.towards > 0 ? end.outer : end.outer - halo + 1, halo}};
   });
 }
 

@@ -68,18 +68,19 @@ private:
   };
   // Which populations of which layers.
   struct Part {
-    std::vector<int> populations;
+    std::span<const int> populations;
     int first_layer = 0;
     int layers = 1;
   };
-  [[nodiscard]] std::vector<int> crossing(const LatticeTable& lattice, int towards) const;
-  static void pack(const Populations& populations, const Part& part, std::vector<std::byte>& bytes);
+  [[nodiscard]] std::span<const int> crossing(int towards) const { return crossing_[towards > 0 ? 1 : 0]; }
+  static void pack(Populations& populations, const Part& part, std::vector<std::byte>& bytes);
   static void unpack(Populations& populations, const Part& part, const std::vector<std::byte>& bytes);
   template <class Parts>
   void transfer(Populations& populations, bool between_slabs, bool across_period, const Parts& parts);
 
   Ranks& ranks_;
-  int axis_;
+  std::array<std::vector<int>, 2> crossing_;  // populations whose direction has -1 or 1 along the axis
+  std::vector<int> all_;
   std::array<End, 2> ends_;
   bool complete_ = false;
 };

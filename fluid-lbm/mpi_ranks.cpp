@@ -1,13 +1,11 @@
 #include "mpi_ranks.hpp"
 
-#include <mpi.h>
 #include <unistd.h>
 
 #include <algorithm>
 #include <array>
 #include <cstdio>
 #include <cstdlib>
-#include <vector>
 
 namespace estuary::fluid {
 namespace {
@@ -56,16 +54,16 @@ void MpiRanks::end_all(const std::string& why) const {
 }
 
 void MpiRanks::exchange(std::span<const Message> outgoing, std::span<const Message> incoming) {
-  std::vector<MPI_Request> requests;
+  requests_.clear();
   for (const Message& message : incoming)
     in_pieces(message.bytes, [&](std::byte* at, int size) {
-      MPI_Irecv(at, size, MPI_BYTE, message.partner, message.tag, MPI_COMM_WORLD, &requests.emplace_back());
+      MPI_Irecv(at, size, MPI_BYTE, message.partner, message.tag, MPI_COMM_WORLD, &requests_.emplace_back());
     });
   for (const Message& message : outgoing)
     in_pieces(message.bytes, [&](std::byte* at, int size) {
-      MPI_Isend(at, size, MPI_BYTE, message.partner, message.tag, MPI_COMM_WORLD, &requests.emplace_back());
+      MPI_Isend(at, size, MPI_BYTE, message.partner, message.tag, MPI_COMM_WORLD, &requests_.emplace_back());
     });
-  MPI_Waitall(static_cast<int>(requests.size()), requests.data(), MPI_STATUSES_IGNORE);
+  MPI_Waitall(static_cast<int>(requests_.size()), requests_.data(), MPI_STATUSES_IGNORE);
 }
 
 void MpiRanks::send(int to, std::span<const std::byte> bytes) {

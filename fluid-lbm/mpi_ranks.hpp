@@ -1,9 +1,12 @@
 // Ranks over MPI. The program fluid-lbm-mpi alone has it in it.
 #pragma once
 
-#include "ranks.hpp"
+#include <mpi.h>
 
 #include <string>
+#include <vector>
+
+#include "ranks.hpp"
 
 namespace estuary::fluid {
 
@@ -31,6 +34,7 @@ private:
   int rank_ = 0;
   int count_ = 1;
   int count_here_ = 1;
+  std::vector<MPI_Request> requests_;
 };
 
 }  // namespace estuary::fluid
