@@ -45,7 +45,11 @@ Fluid::Fluid(FluidSettings settings, std::vector<double> mass, std::vector<std::
     dissipative_ = dissipative_ || material.linear > 0 || material.quadratic > 0;
     diffusive_ = diffusive_ || material.diffusion > 0;
     viscous_ = viscous_ || material.viscosity > 0;
+    riemann_ = riemann_ || material.riemann;
   }
+  dissipative_ = dissipative_ || riemann_;
+  diffusive_ = diffusive_ || riemann_;
+  if (riemann_) support_.resize(mass_.size());
   if (viscous_) viscous_stress_.resize(4 * mass_.size());
   const double h = settings_.smoothing_ratio * settings_.spacing;
   for (int a = -4; a <= 4; ++a)
@@ -124,6 +128,7 @@ std::int64_t Fluid::measure_variant(const double* x, const double* v, double tim
     t[0] = -volume * p * ixx;
     t[1] = t[2] = -volume * p * ixy;
     t[3] = -volume * p * iyy;
+    if (riemann_) support_[i] = 0.5 * volume * (ixx + iyy);
     if (viscous_) {
       const double m = volume * material.viscosity, sxx = 2 * m * axx, sxy = m * (axy + ayx),
                    syy = 2 * m * ayy;
@@ -193,7 +198,13 @@ void Fluid::find_forces(std::span<const double> position, std::span<const double
       }
       if (dissipative) {
         const double approach = (v[2 * j] - vx) * dx + (v[2 * j + 1] - vy) * dy;
-        if (approach < 0) {
+        if (approach < 0 && material.riemann) {
+          const double r2 = dx * dx + dy * dy, speed = -approach / std::sqrt(r2);
+          const double push = 0.25 * w * (support_[i] + support_[j]) * (density[i] + density[j]) *
+                              std::min(material.limiter * speed, c) * speed;
+          qx -= push * dx;
+          qy -= push * dy;
+        } else if (approach < 0) {
           const double mu = approach / (dx * dx + dy * dy + 0.1 * h * h);
           const double push =
               w * mass_[i] * mass_[j] * 2 * (-alpha * mu + beta * mu * mu) / (density[i] + density[j]);
@@ -204,14 +215,16 @@ void Fluid::find_forces(std::span<const double> position, std::span<const double
       if (diffusive && member_[i] == member_[j]) {
         const double gx = density_gradient_[2 * i] + density_gradient_[2 * j],
                      gy = density_gradient_[2 * i + 1] + density_gradient_[2 * j + 1];
-        rate += w * mass_[j] / density[j] * (density[j] - density[i] - 0.5 * (gx * dx + gy * dy));
+        // The Riemann problem's diffusion is as wide as the pair.
+        const double width = material.riemann ? std::sqrt(dx * dx + dy * dy) : 1.0;
+        rate += w * width * mass_[j] / density[j] * (density[j] - density[i] - 0.5 * (gx * dx + gy * dy));
       }
     }
     force_[2 * i] = fx + qx;
     force_[2 * i + 1] = fy + qy;
     viscous_force_[2 * i] = qx;
     viscous_force_[2 * i + 1] = qy;
-    if (diffusive) diffusion_rate_[i] = 2 * material.diffusion * h * c * rate;
+    if (diffusive) diffusion_rate_[i] = material.riemann ? c * rate : 2 * material.diffusion * h * c * rate;
   }
 }
 
@@ -238,8 +251,9 @@ double Fluid::stable_step(std::span<const double> velocity, std::span<const doub
                  c = material.sound_speed_at(density[i]) * ratio;
     const double kinematic = 4 * material.viscosity / (density[i] * h);
     // The speed counts once more: what it can be compressed to within a window.
-    rate = std::max(
-        rate, (std::sqrt(c * c + fastest) + std::sqrt(fastest) + 0.2 * material.linear * c + kinematic) / h);
+    rate = std::max(rate, (std::sqrt(c * c + fastest) + std::sqrt(fastest) +
+                           0.2 * (material.riemann ? 1.0 : material.linear) * c + kinematic) /
+                              h);
   }
   return rate > 0 ? 1 / rate : std::numeric_limits<double>::infinity();
 }

@@ -11,6 +11,11 @@
 // so that momentum is conserved to round-off and energy to the order of the step; missing neighbours act as a
 // free surface. To this come Monaghan's artificial viscosity (Monaghan 1992) and, for a smooth pressure, the
 // density diffusion of delta-SPH with the gradient correction of Antuono et al. (2010).
+//
+// Or, in place of both, the states between particles are those of an acoustic Riemann problem (Vila 1999;
+// Zhang, Hu & Adams 2017): with U the speed of approach along the line of centres, p* - p = 1/2 rho min(n U,
+// c) U, and v* - v = (p_L - p_R) / (2 rho c) with pressures reconstructed linearly to the middle. The limiter
+// n is 3 there; a large one leaves the full dissipation.
 #pragma once
 
 #include <cstdint>
@@ -70,13 +75,14 @@ private:
   std::vector<double> mass_;
   std::vector<std::uint8_t> member_;
   MovingNeighbours neighbours_;
-  bool dissipative_ = false, diffusive_ = false, viscous_ = false;
+  bool dissipative_ = false, diffusive_ = false, viscous_ = false, riemann_ = false;
   double reference_ = 0;          // H of the undisturbed lattice times spacing^2
   std::vector<double> weight_;    // F of every pair [1/m4]
   std::vector<double> diameter_;  // [m]
   std::vector<double> fresh_density_;
   std::vector<double> stress_;            // V S H^-1, 4 per particle
   std::vector<double> viscous_stress_;    // its viscous part; empty without viscosity
+  std::vector<double> support_;           // V tr(H^-1) / 2; empty without Riemann problems
   std::vector<double> density_gradient_;  // 2 per particle
   std::vector<double> diffusion_rate_;    // of the density [kg/m3/s]
   std::vector<double> lost_;              // by diffusion in the last step [J/m]

@@ -20,6 +20,9 @@ struct FluidMaterial {
   double viscosity = 0;                                            // dynamic [Pa s]
   double linear = 0, quadratic = 0;                                // artificial viscosity: alpha, beta
   double diffusion = 0;                                            // delta
+  // In place of both: what an acoustic Riemann problem between each pair of particles dissipates.
+  bool riemann = false;
+  double limiter = 3;  // of its dissipation, in speeds of approach; at most that of sound
 
   /// Of a density [kg/m3].
   [[nodiscard]] double pressure(double density) const;        // [Pa]

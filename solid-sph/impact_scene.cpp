@@ -48,6 +48,12 @@ void read_fluid(SceneTable& table, double shared_density, BodyScene& body) {
                                                            : EquationOfState::acoustic;
   if (table.has("tension_limit")) fluid.tension_limit = table.number("tension_limit", Range::not_negative());
   fluid.viscosity = table.number_or("viscosity", 0, Range::not_negative());
+  constexpr std::array<std::string_view, 2> dissipations{"viscosity", "riemann"};
+  fluid.riemann = table.choice("dissipation", dissipations) == "riemann";
+  if (fluid.riemann)
+    fluid.limiter = table.number_or("riemann_limiter", 3.0, {.minimum = 0.0, .maximum = 1e6});
+  for (const char* key : {"viscosity_linear", "viscosity_quadratic", "density_diffusion"})
+    if (fluid.riemann && table.has(key)) table.problem(key, "is of dissipation = \"viscosity\"");
   fluid.linear = table.number_or("viscosity_linear", 1.0, {.minimum = 0.0, .maximum = 10.0});
   fluid.quadratic = table.number_or("viscosity_quadratic", 2.0, {.minimum = 0.0, .maximum = 10.0});
   fluid.diffusion = table.number_or("density_diffusion", 0.1, {.minimum = 0.0, .maximum = 1.0});
@@ -206,9 +212,10 @@ void plan_impact(const SolidScene& scene, Plan& plan) {
     if (speed > body.fluid->sound_speed)
       plan.warnings.push_back("\"" + body.name +
                               "\" is faster than its sound: its shocks are beyond the range tested");
-    if (body.fluid->linear == 0 && body.fluid->quadratic == 0)
+    if (body.fluid->linear == 0 && body.fluid->quadratic == 0 && !body.fluid->riemann)
       plan.warnings.push_back("\"" + body.name + "\" has no artificial viscosity: shocks ring");
-    if (body.fluid->diffusion == 0) plan.left_out.push_back("density diffusion of \"" + body.name + "\"");
+    if (body.fluid->diffusion == 0 && !body.fluid->riemann)
+      plan.left_out.push_back("density diffusion of \"" + body.name + "\"");
     if (body.fluid->viscosity == 0) plan.left_out.push_back("viscosity of \"" + body.name + "\"");
   }
   plan.derived.emplace_back("particles", fmt::format("about {}", particles));

@@ -246,6 +246,18 @@ TEST(Impact, AColumnStopsOnARigidPlateBehindItsHugoniotPressure) {
   EXPECT_LT(run.value("column", "velocity_y"), 150);
 }
 
+TEST(Impact, RiemannProblemsBetweenParticlesGiveTheSameStepAndKeepEnergy) {
+  std::string text = with_spacing(column_scene(150, 0.0125, kRigidPlate) + "held = [\"x\"]\n");
+  text.replace(text.find("sound_speed = 1450"), 18,
+               "sound_speed = 1450\ndissipation = \"riemann\"\nriemann_limiter = 1e3");
+  RunningImpact run(text, 1e-5);
+  run.run(15);
+  EXPECT_NEAR(run.value("inside", "pressure"), 1000 * 1450 * 150.0, 0.05 * 1000 * 1450 * 150.0);
+  EXPECT_NEAR(run.value("plate", "contact_force_y"), -1000 * 1450 * 150 * 0.05,
+              0.03 * 1000 * 1450 * 150 * 0.05);
+  EXPECT_NEAR(run.value("all", "total_energy"), 0.5 * 12.5 * 150 * 150, 0.01 * 0.5 * 12.5 * 150 * 150);
+}
+
 TEST(Impact, MomentumIsKeptBetweenFluidElasticAndRigidBodies) {
   const std::string bodies = R"(
 [[solid.body]]
