@@ -1,13 +1,10 @@
+// The parts of an impact, what is stored in them and what is watched; how they move: impact_motion.cpp.
 #include "impact.hpp"
 
 #include <algorithm>
-#include <chrono>
 #include <cmath>
 #include <limits>
 #include <stdexcept>
-#include <utility>
-
-#include "rigid_motion.hpp"
 
 namespace estuary::solid {
 namespace {
@@ -17,16 +14,6 @@ constexpr double kFluidShare = 0.9;
 constexpr double kSolidShare = 1.0;
 // Nothing moves by more of a spacing in a step: contact looks no further ahead.
 constexpr double kFarthest = 0.2;
-
-class Stopwatch {
-public:
-  [[nodiscard]] double seconds() const {
-    return std::chrono::duration<double>(std::chrono::steady_clock::now() - begin_).count();
-  }
-
-private:
-  std::chrono::steady_clock::time_point begin_ = std::chrono::steady_clock::now();
-};
 
 std::vector<std::uint32_t> particles_that(const Body& body, const std::function<bool(std::size_t)>& chosen) {
   std::vector<std::uint32_t> result;
@@ -87,15 +74,6 @@ std::vector<double> inverse_masses(const Body& body, const std::array<bool, 2>& 
   return result;
 }
 
-void copy_out(const std::vector<std::uint32_t>& particles, std::span<const double> from,
-              std::vector<double>& to) {
-  to.resize(2 * particles.size());
-  for (std::size_t k = 0; k < particles.size(); ++k) {
-    to[2 * k] = from[2 * particles[k]];
-    to[2 * k + 1] = from[2 * particles[k] + 1];
-  }
-}
-
 }  // namespace
 
 ImpactSolver::ImpactSolver(const Body& body, ImpactOptions options)
@@ -151,6 +129,15 @@ ImpactSolver::ImpactSolver(const Body& body, ImpactOptions options)
   history_ = rest_history_ = gathered_history();
 }
 
+void ImpactSolver::copy_out(const std::vector<std::uint32_t>& particles, std::span<const double> from,
+                            std::vector<double>& to) {
+  to.resize(2 * particles.size());
+  for (std::size_t k = 0; k < particles.size(); ++k) {
+    to[2 * k] = from[2 * particles[k]];
+    to[2 * k + 1] = from[2 * particles[k] + 1];
+  }
+}
+
 std::vector<double> ImpactSolver::gathered_history() const {
   std::vector<double> history = row_history_;
   if (solid_) history.insert(history.end(), solid_->history().begin(), solid_->history().end());
@@ -195,21 +182,6 @@ std::int64_t ImpactSolver::evaluate(std::span<const double> displacement) {
   copy_fields();
   if (rows_) bad += rows_->evaluate(displacement, row_history_, false, fields_);
   return bad;
-}
-
-// Adds the forces of shells; links that are past a limit break.
-void ImpactSolver::bend_shells(std::span<const double> displacement, bool commit) {
-  if (!rows_) return;
-  std::int64_t bad = rows_->evaluate(displacement, row_history_, commit && rows_->remembers(), fields_);
-  if (commit && rows_->breakable() && rows_->break_links(row_history_) > 0) {
-    pinball_.tear(rows_->broken_links(row_history_));
-    copy_fields();
-    bad += rows_->evaluate(displacement, row_history_, false, fields_);
-  }
-  if (bad > 0)
-    for (const std::uint32_t i : rows_->particles())
-      if (!std::isfinite(fields_.force[2 * i] + fields_.force[2 * i + 1]))
-        throw Breakdown(i, 0, std::numeric_limits<double>::quiet_NaN());
 }
 
 double ImpactSolver::energy(std::span<const double> displacement) const {
@@ -281,231 +253,6 @@ double ImpactSolver::longest_step(const State& state, double courant) {
     fastest = std::max(fastest, std::hypot(state.velocity[2 * i], state.velocity[2 * i + 1]));
   if (fastest > 0) step = std::min(step, kFarthest * body_.mean_spacing() / fastest);
   return step;
-}
-
-void ImpactSolver::find_forces(State& state, double time_step, std::uint64_t step) {
-  place(state.displacement);
-  Stopwatch watch;
-  copy_out(fluid_particle_, state.velocity, fluid_velocity_);
-  if (fluid_.measure(fluid_position_, fluid_velocity_, time_step, density_) > 0) {
-    for (std::size_t k = 0; k < fluid_particle_.size(); ++k)
-      if (!std::isfinite(fluid_position_[2 * k] + fluid_position_[2 * k + 1] + density_[k]))
-        throw Breakdown(fluid_particle_[k], step, std::numeric_limits<double>::quiet_NaN());
-    throw Breakdown(fluid_particle_.front(), step, 0);
-  }
-  fluid_.find_forces(fluid_position_, fluid_velocity_, density_);
-  state.viscous_work += fluid_.diffusion_work();
-  fluid_seconds_ += watch.seconds();
-  if (solid_) {
-    watch = {};
-    copy_out(solid_particle_, state.velocity, solid_velocity_);
-    try {
-      solid_viscous_power_ = solid_->forces_in_motion(solid_displacement_, solid_velocity_, time_step, step);
-    } catch (const Breakdown& breakdown) {
-      throw Breakdown(solid_particle_[breakdown.particle], step, breakdown.j);
-    }
-    solid_seconds_ += watch.seconds();
-  }
-  copy_fields();
-  bend_shells(state.displacement, time_step > 0);
-}
-
-// Velocities of what follows a prescribed motion, of the coming step.
-void ImpactSolver::drive(State& state, const Loading& loading, double time, double time_step) {
-  for (const RigidDrive& one : loading.rigid_drives) {
-    double& rate = state.rigid[6 * one.rigid + 3 + one.freedom];
-    const double inertia = body_.rigid[one.rigid].inertia_of(one.freedom), before = rate;
-    rate = (one.displacement(time + time_step) - one.displacement(time)) / time_step;
-    state.external_work += 0.5 * inertia * (rate * rate - before * before);
-  }
-  if (!loading.surface) return;
-  const SurfaceMotion& surface = *loading.surface;
-  for (std::size_t c = 0; c < surface.start.size(); ++c)
-    state.velocity[2 * surface.first + c] =
-        (surface.at(c, time + time_step) - surface.at(c, time)) / time_step;
-}
-
-void ImpactSolver::kick_rigid(State& state, const Loading& loading, double duration) {
-  for (std::size_t r = 0; r < body_.rigid.size(); ++r) {
-    const RigidBody& rigid = body_.rigid[r];
-    const std::span<double> values = std::span<double>(state.rigid).subspan(6 * r, 6);
-    auto force = resultant(rigid, body_, state.displacement, external_, values);
-    for (std::size_t c = 0; c < 3; ++c) {
-      const double rate = values[3 + c];
-      if (rigid.held[c]) continue;
-      if (c < 2) force[c] += rigid.mass * loading.gravity[c];
-      force[c] -= rigid.spring[c] * (values[c] - rigid.rest[c]);
-      // The damper acts at the mean of both rates.
-      const double inertia = rigid.inertia_of(c), half = 0.5 * duration * rigid.damper[c] / inertia;
-      values[3 + c] = ((1 - half) * rate + duration * force[c] / inertia) / (1 + half);
-      const double mean = 0.5 * (rate + values[3 + c]);
-      state.viscous_work += rigid.damper[c] * mean * mean * duration;
-    }
-  }
-}
-
-void ImpactSolver::kick(State& state, const Loading& loading, const ExternalForces& external, double duration,
-                        double time_step, double damping) {
-  const std::size_t n = body_.size();
-  external_.assign(2 * n, 0.0);
-  external.add_to(external_);
-  const double decay = 1 / (1 + duration * damping);
-  double* v = state.velocity.data();
-  collect_velocities(state, before_);
-  state.viscous_work += duration * solid_viscous_power_;
-  const double taken = ordered_sum(n, [&](std::size_t i) {
-    double lost = 0;
-    for (std::size_t c = 2 * i; c < 2 * i + 2; ++c) {
-      if (inverse_mass_[c] == 0) continue;
-      v[c] += duration * ((fields_.force[c] + external_[c]) * inverse_mass_[c] + loading.gravity[c % 2]);
-      if (damping > 0) {
-        lost += 0.5 * body_.mass[i] * v[c] * v[c] * (1 - decay * decay);
-        v[c] *= decay;
-      }
-    }
-    return lost;
-  });
-  state.viscous_work += taken;
-  kick_rigid(state, loading, duration);
-  const Stopwatch watch;
-  touch(state, time_step);
-  contact_seconds_ += watch.seconds();
-  // Work is done at the mean of the velocities before and after the kick, impulses included.
-  const std::vector<double>& viscous = fluid_.viscous_force();
-  state.viscous_work -= duration * ordered_sum(fluid_particle_.size(), [&](std::size_t k) {
-                          const std::size_t c = 2 * fluid_particle_[k];
-                          return 0.5 * (viscous[2 * k] * (before_[c] + v[c]) +
-                                        viscous[2 * k + 1] * (before_[c + 1] + v[c + 1]));
-                        });
-}
-
-void ImpactSolver::collect_velocities(const State& state, std::vector<double>& velocity) const {
-  std::copy(state.velocity.begin(), state.velocity.end(), velocity.begin());
-  for (std::size_t r = 0; r < body_.rigid.size(); ++r)
-    for (std::size_t c = 0; c < 3; ++c) velocity[2 * body_.size() + 3 * r + c] = state.rigid[6 * r + 3 + c];
-}
-
-// Impulses between the bodies.
-void ImpactSolver::touch(State& state, double time_step) {
-  const std::size_t n = body_.size();
-  touching_ = false;
-  pinball_.find(position_, state.rigid, time_step);
-  std::vector<ContactRow>& rows = pinball_.rows();
-  if (rows.empty()) return;
-  collect_velocities(state, velocity_);
-  impulses_.solve(rows, friction_, velocity_);
-  for (const ContactRow& row : rows) {
-    if (!(row.impulse > 0)) continue;
-    touching_ = true;
-    double twice = 0;
-    for (std::uint32_t k = 0; k < row.count; ++k) {
-      const std::uint32_t f = row.freedom[k];
-      const double push = row.impulse * row.normal[k] + row.friction * row.tangent[k];
-      twice += push * (before_[f] + velocity_[f]);
-      // A body that follows its prescribed motion does work against what pushes it.
-      if (f >= 2 * surface_first_ && f < 2 * n) surface_impulse_[f - 2 * surface_first_] += push;
-      if (inverse_mass_[f] == 0) state.external_work -= push * 0.5 * (before_[f] + velocity_[f]);
-    }
-    state.contact_work -= 0.5 * twice;
-    const double nx = row.direction[0], ny = row.direction[1];
-    const double jx = row.impulse * nx - row.friction * ny, jy = row.impulse * ny + row.friction * nx;
-    impulse_[2 * row.point_member] += jx;
-    impulse_[2 * row.point_member + 1] += jy;
-    impulse_[2 * row.surface_member] -= jx;
-    impulse_[2 * row.surface_member + 1] -= jy;
-  }
-  if (!touching_) return;
-  for (std::size_t c = 0; c < 2 * n; ++c)
-    if (inverse_mass_[c] != 0) state.velocity[c] = velocity_[c];
-  for (std::size_t r = 0; r < body_.rigid.size(); ++r)
-    for (std::size_t c = 0; c < 3; ++c) state.rigid[6 * r + 3 + c] = velocity_[2 * n + 3 * r + c];
-}
-
-void ImpactSolver::drift(State& state, const Loading& loading, double time, double time_step) {
-  const std::size_t n = body_.size();
-  for (std::size_t c = 0; c < 2 * n; ++c)
-    if (inverse_mass_[c] != 0) state.displacement[c] += time_step * state.velocity[c];
-  if (loading.surface)
-    for (std::size_t c = 0; c < loading.surface->start.size(); ++c)
-      state.displacement[2 * loading.surface->first + c] = loading.surface->at(c, time);
-  for (std::size_t r = 0; r < body_.rigid.size(); ++r) {
-    const std::span<double> values = std::span<double>(state.rigid).subspan(6 * r, 6);
-    for (std::size_t c = 0; c < 3; ++c)
-      if (!body_.rigid[r].held[c]) {
-        values[c] += time_step * values[3 + c];
-        if (c < 2)
-          state.external_work += body_.rigid[r].mass * loading.gravity[c] * time_step * values[3 + c];
-      }
-    for (const RigidDrive& one : loading.rigid_drives)
-      if (one.rigid == r) values[one.freedom] = one.displacement(time);
-    carry(body_.rigid[r], body_, values, state.displacement, state.velocity);
-  }
-}
-
-void ImpactSolver::begin_window() {
-  std::fill(impulse_.begin(), impulse_.end(), 0.0);
-  std::fill(surface_impulse_.begin(), surface_impulse_.end(), 0.0);
-  window_begins_ = true;
-}
-
-void ImpactSolver::advance(State& state, const Loading& given, double duration, std::uint64_t steps,
-                           double damping, const Monitor& monitor) {
-  const double dt = duration / static_cast<double>(steps), start = state.time;
-  spread_history(state.history);
-  Loading kept;
-  if (rows_ && rows_->breakable()) {
-    pinball_.tear(rows_->broken_links(row_history_));
-    kept = given;
-    rows_->drop_broken(row_history_, kept);
-  }
-  const Loading& loading = rows_ && rows_->breakable() ? kept : given;
-  if (std::exchange(window_begins_, false)) window_begin_ = start;
-  const auto gravity_work = [&] {
-    return ordered_sum(body_.size(), [&](std::size_t i) {
-      return body_.mass[i] * (loading.gravity[0] * state.displacement[2 * i] +
-                              loading.gravity[1] * state.displacement[2 * i + 1]);
-    });
-  };
-  state.external_work -= gravity_work();
-  ExternalForces external(body_, loading);
-  external.set(0.0, start, state.displacement);
-  const double decay = 1 - 0.5 * damping * dt, gain = 1 / (1 + 0.5 * damping * dt);
-  find_forces(state, 0, 0);
-  if (rows_) rows_->add_moments(loading, start, 0);
-  drive(state, loading, start, dt);
-  kick(state, loading, external, 0.5 * dt, dt, damping);
-  for (std::uint64_t step = 1; step <= steps; ++step) {
-    const double fraction = static_cast<double>(step) / static_cast<double>(steps);
-    const double time = start + fraction * duration;
-    // Rotations go with the half-steps: kicked and drifted here, kicked again below.
-    if (rows_) rows_->turn(row_history_, dt, decay, gain, false);
-    drift(state, loading, time, dt);
-    if (rows_ && (!loading.moments.empty() || loading.couples))
-      state.external_work += rows_->moment_work(
-          loading, time - 0.5 * dt, fraction - 0.5 / static_cast<double>(steps), dt, row_history_);
-    find_forces(state, dt, step);
-    if (rows_) {
-      rows_->add_moments(loading, time, fraction);
-      rows_->turn(row_history_, dt, decay, gain, true);
-    }
-    external.set(fraction, time, state.displacement);
-    state.external_work += external.work();
-    drive(state, loading, time, dt);
-    kick(state, loading, external, step < steps ? dt : 0.5 * dt, dt, damping);
-    if (touching_) state.contact_time += dt;
-    if (step % 128 == 0) monitor(fraction, "step " + std::to_string(step) + " of " + std::to_string(steps));
-  }
-  for (std::size_t r = 0; r < body_.rigid.size(); ++r)
-    carry(body_.rigid[r], body_, std::span<const double>(state.rigid).subspan(6 * r, 6), state.displacement,
-          state.velocity);
-  const double since = start + duration - window_begin_;
-  for (std::size_t c = 0; c < impulse_.size(); ++c) contact_force_[c] = impulse_[c] / since;
-  if (loading.surface)
-    std::copy(loading.surface->end_velocity.begin(), loading.surface->end_velocity.end(),
-              state.velocity.begin() + 2 * static_cast<std::ptrdiff_t>(surface_first_));
-  state.history = history_ = gathered_history();
-  state.time = start + duration;
-  state.external_work += gravity_work();
 }
 
 EquilibriumReport ImpactSolver::relax(std::vector<double>&, const Loading&, double,

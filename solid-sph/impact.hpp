@@ -64,6 +64,8 @@ public:
 private:
   static constexpr std::uint32_t kNone = 0xffffffffU;
 
+  static void copy_out(const std::vector<std::uint32_t>& particles, std::span<const double> from,
+                       std::vector<double>& to);
   void place(std::span<const double> displacement);
   /// Forces of the state reached by a step of `time_step` (0: of the state as it is) at the velocities given.
   void find_forces(State& state, double time_step, std::uint64_t step);

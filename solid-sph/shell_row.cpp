@@ -3,7 +3,6 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
-#include <stdexcept>
 
 namespace estuary::solid {
 namespace {
@@ -23,74 +22,6 @@ double stretched(double s, bool logarithmic) {
 }
 
 }  // namespace
-
-Body fill_row(std::span<const Vector> points, bool closed, double spacing, const ShellSection& section) {
-  Body body;
-  double total = 0;
-  std::size_t links = 0;
-  const std::size_t pieces = closed ? points.size() : points.size() - 1;
-  for (std::size_t p = 0; p < pieces; ++p) {
-    const Vector &from = points[p], &to = points[(p + 1) % points.size()];
-    const double length = std::hypot(to[0] - from[0], to[1] - from[1]);
-    if (!(length > 1e-3 * spacing)) throw std::invalid_argument("two points of its polyline coincide");
-    const auto parts = static_cast<std::size_t>(std::max(1.0, std::round(length / spacing)));
-    for (std::size_t k = 0; k < parts; ++k) {
-      const double share = static_cast<double>(k) / static_cast<double>(parts);
-      body.position.insert(body.position.end(),
-                           {from[0] + share * (to[0] - from[0]), from[1] + share * (to[1] - from[1])});
-    }
-    total += length;
-    links += parts;
-  }
-  if (!closed) body.position.insert(body.position.end(), {points.back()[0], points.back()[1]});
-  const std::size_t n = body.position.size() / 2;
-  body.spacing = {total / static_cast<double>(links), total / static_cast<double>(links)};
-  body.smoothing_length = body.spacing[0];
-  body.volume.assign(n, 0.0);
-  Outline outline;
-  outline.closed = closed;
-  for (std::size_t i = 0; i < n; ++i) outline.particle.push_back(static_cast<std::uint32_t>(i));
-  for (std::size_t i = 0; i < (closed ? n : n - 1); ++i) {
-    const std::size_t j = i + 1 < n ? i + 1 : 0;
-    const double length = std::hypot(body.position[2 * j] - body.position[2 * i],
-                                     body.position[2 * j + 1] - body.position[2 * i + 1]);
-    for (const std::size_t end : {i, j}) body.volume[end] += 0.5 * length * section.thickness;
-  }
-  body.energy_volume = body.volume;
-  for (const double v : body.volume) body.mass.push_back(section.density * v);
-  body.fixed.assign(n, 0);
-  body.edge.assign(n, 1);
-  body.member.assign(n, 0);
-  body.outlines.push_back(std::move(outline));
-  body.outline_member.push_back(0);
-  return body;
-}
-
-Transfer row_transfer(const Body& body, const Vector& place) {
-  double best = std::numeric_limits<double>::infinity(), share = 0;
-  std::array<std::uint32_t, 2> ends{};
-  for (const Outline& outline : body.outlines) {
-    const std::size_t n = outline.particle.size();
-    for (std::size_t k = 0; k < (outline.closed ? n : n - 1); ++k) {
-      const std::uint32_t a = outline.particle[k], b = outline.particle[(k + 1) % n];
-      const Vector from{body.position[2 * a], body.position[2 * a + 1]},
-          along{body.position[2 * b] - from[0], body.position[2 * b + 1] - from[1]},
-          to{place[0] - from[0], place[1] - from[1]};
-      const double s = std::clamp(inner(to, along) / inner(along, along), 0.0, 1.0);
-      const double distance = std::hypot(to[0] - s * along[0], to[1] - s * along[1]);
-      if (!(distance < best)) continue;
-      best = distance;
-      share = s;
-      ends = {a, b};
-    }
-  }
-  Transfer transfer;
-  transfer.first = {0, 2};
-  transfer.position = {0, 1};
-  transfer.touched = {ends[0], ends[1]};
-  transfer.weight = {1 - share, share};
-  return transfer;
-}
 
 ShellRow::ShellRow(const Body& body, std::vector<ShellSection> sections)
     : body_(body), sections_(std::move(sections)), local_(body.size(), kNone) {
@@ -267,60 +198,6 @@ std::int64_t ShellRow::evaluate(std::span<const double> displacement, std::span<
   return bad;
 }
 
-// The largest ratio of what a link bears to its limit; 0 of a broken one.
-double ShellRow::overload(std::span<const double> history, std::size_t l) const {
-  const ShellSection& section = sections_[links_[l].member];
-  const RuptureLimits& limit = section.rupture;
-  if (!limit.any() || broken(history, l)) return 0;
-  const double* own = memory(history, l);
-  double worst = 0;
-  const auto compare = [&](double value, double bound) {
-    if (bound > 0) worst = std::max(worst, value / bound);
-  };
-  compare(at_[l].stretch - 1, limit.stretch);
-  compare(std::abs(at_[l].shear_strain), limit.shear);
-  compare(own[3], limit.plastic_strain);
-  compare(at_[l].stored + links_[l].length * own[5], limit.energy * section.thickness);
-  return worst;
-}
-
-std::size_t ShellRow::break_links(std::span<double> history) {
-  std::vector<std::size_t> chosen;
-  for (std::size_t l = 0; breakable_ && l < links_.size(); ++l) {
-    const double own = overload(history, l);
-    if (!(own > 1)) continue;
-    // Of neighbours past their limits only the worst breaks in a step: it unloads the others.
-    const std::uint32_t before = before_[links_[l].a], after = after_[links_[l].b];
-    if (before != kNone && overload(history, before) >= own) continue;
-    if (after != kNone && overload(history, after) > own) continue;
-    chosen.push_back(l);
-  }
-  for (const std::size_t l : chosen) {
-    double* own = &history[2 * size() + kLinkHistory * l];
-    own[kSectionHistory] = 1;
-    own[kSectionHistory + 1] = at_[l].stored;
-  }
-  return chosen.size();
-}
-
-std::vector<std::array<std::uint32_t, 2>> ShellRow::broken_links(std::span<const double> history) const {
-  std::vector<std::array<std::uint32_t, 2>> result;
-  for (std::size_t l = 0; l < links_.size(); ++l)
-    if (broken(history, l)) result.push_back({particle_[links_[l].a], particle_[links_[l].b]});
-  return result;
-}
-
-void ShellRow::drop_broken(std::span<const double> history, Loading& loading) const {
-  const auto gone = [&](const std::array<std::uint32_t, 2>& segment) {
-    const std::uint32_t a = local_[segment[0]], b = local_[segment[1]];
-    if (a == kNone || b == kNone) return false;
-    const std::uint32_t l = after_[a];
-    return l != kNone && links_[l].b == b && broken(history, l);
-  };
-  for (TractionLoad& load : loading.tractions) std::erase_if(load.segment, gone);
-  for (PressureLoad& load : loading.pressures) std::erase_if(load.segment, gone);
-}
-
 double ShellRow::energy() const {
   double sum = 0;
   for (const LinkState& link : at_) sum += link.energy;
@@ -331,13 +208,6 @@ double ShellRow::plastic_work(std::span<const double> history) const {
   double sum = 0;
   for (std::size_t l = 0; remembers_ && l < links_.size(); ++l)
     sum += links_[l].length * memory(history, l)[5];
-  return sum;
-}
-
-double ShellRow::fracture_work(std::span<const double> history) const {
-  double sum = 0;
-  for (std::size_t l = 0; breakable_ && l < links_.size(); ++l)
-    sum += memory(history, l)[kSectionHistory + 1];
   return sum;
 }
 
@@ -460,23 +330,6 @@ std::array<double, 4> ShellRow::section_at(std::size_t i, std::span<const double
   }
   for (double& v : value) v /= links;
   return value;
-}
-
-std::array<double, 4> ShellRow::losses(std::span<const double> history) const {
-  std::array<double, 4> result{};
-  for (std::size_t l = 0; l < links_.size(); ++l) {
-    if (!broken(history, l)) continue;
-    const double* own = memory(history, l);
-    result[0] += 1;
-    result[3] += links_[l].length * own[5] + own[kSectionHistory + 1];
-  }
-  for (std::size_t i = 0; result[0] > 0 && i < size(); ++i) {
-    const auto holds = [&](std::uint32_t l) { return l != kNone && !broken(history, l); };
-    if (holds(before_[i]) || holds(after_[i])) continue;
-    result[1] += 1;
-    result[2] += body_.mass[particle_[i]];
-  }
-  return result;
 }
 
 void ShellRow::relaxation_masses(std::vector<double>& mass, std::vector<double>& inertia) const {
