@@ -170,8 +170,15 @@ std::int64_t Fluid::measure(std::span<const double> position, std::span<const do
 
 void Fluid::find_forces(std::span<const double> position, std::span<const double> velocity,
                         std::span<const double> density) {
+  if (riemann_)
+    find_forces_variant<true>(position.data(), velocity.data(), density);
+  else
+    find_forces_variant<false>(position.data(), velocity.data(), density);
+}
+
+template <bool Riemann>
+void Fluid::find_forces_variant(const double* x, const double* v, std::span<const double> density) {
   const std::size_t n = size();
-  const double *x = position.data(), *v = velocity.data();
   const std::uint32_t* first = neighbours_.first().data();
   const std::uint32_t* neighbour = neighbours_.neighbour().data();
   const double h = settings_.smoothing_ratio * settings_.spacing;
@@ -198,7 +205,7 @@ void Fluid::find_forces(std::span<const double> position, std::span<const double
       }
       if (dissipative) {
         const double approach = (v[2 * j] - vx) * dx + (v[2 * j + 1] - vy) * dy;
-        if (approach < 0 && material.riemann) {
+        if (Riemann && approach < 0 && material.riemann) {
           const double r2 = dx * dx + dy * dy, speed = -approach / std::sqrt(r2);
           const double push = 0.25 * w * (support_[i] + support_[j]) * (density[i] + density[j]) *
                               std::min(material.limiter * speed, c) * speed;
@@ -216,7 +223,7 @@ void Fluid::find_forces(std::span<const double> position, std::span<const double
         const double gx = density_gradient_[2 * i] + density_gradient_[2 * j],
                      gy = density_gradient_[2 * i + 1] + density_gradient_[2 * j + 1];
         // The Riemann problem's diffusion is as wide as the pair.
-        const double width = material.riemann ? std::sqrt(dx * dx + dy * dy) : 1.0;
+        const double width = Riemann && material.riemann ? std::sqrt(dx * dx + dy * dy) : 1.0;
         rate += w * width * mass_[j] / density[j] * (density[j] - density[i] - 0.5 * (gx * dx + gy * dy));
       }
     }
@@ -224,7 +231,8 @@ void Fluid::find_forces(std::span<const double> position, std::span<const double
     force_[2 * i + 1] = fy + qy;
     viscous_force_[2 * i] = qx;
     viscous_force_[2 * i + 1] = qy;
-    if (diffusive) diffusion_rate_[i] = material.riemann ? c * rate : 2 * material.diffusion * h * c * rate;
+    if (diffusive)
+      diffusion_rate_[i] = Riemann && material.riemann ? c * rate : 2 * material.diffusion * h * c * rate;
   }
 }
 

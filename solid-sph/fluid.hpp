@@ -68,6 +68,8 @@ public:
   }
 
 private:
+  template <bool Riemann>
+  void find_forces_variant(const double* x, const double* v, std::span<const double> density);
   template <bool Variable>
   std::int64_t measure_variant(const double* x, const double* v, double time_step, double* density);
 
