@@ -240,6 +240,7 @@ void share_fields(Ranks* ranks, const Grid& grid, const std::vector<Node>& nodes
   for (auto* field : {&fields.excess, &fields.velocity_x, &fields.velocity_y, &fields.velocity_z}) {
     if (field->empty()) continue;
     std::vector<double> values;
+    values.reserve(nodes.size());
     for (const Node& node : nodes)
       values.push_back(grid.owns(node.y, node.z) ? (*field)[grid.index(node.x, node.y, node.z)] : 0.0);
     share(ranks, values);

@@ -120,6 +120,7 @@ std::vector<Node> nodes_around(const Grid& grid, const WatchRequest& watch) {
   std::sort(found.begin(), found.end());
   found.erase(std::unique(found.begin(), found.end()), found.end());
   std::vector<Node> nodes;
+  nodes.reserve(found.size());
   const auto nx = static_cast<std::size_t>(grid.nx);
   const auto ny = static_cast<std::size_t>(grid.ny);
   for (const std::size_t k : found)

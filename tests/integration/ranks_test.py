@@ -185,8 +185,8 @@ reference_velocity = 1.0
 lattice_velocity = 0.05
 {option}
 [fluid.steady]
-tolerance = 0.2
-maximum_steps = 1000
+tolerance = 0.1
+maximum_steps = 3000
 """ + SIDES.format(more=", 0") + """
 [fluid.sides.back]
 type = "periodic"
