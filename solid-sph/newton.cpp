@@ -56,7 +56,8 @@ bool NewtonSolver::factorise() {
 
 // Newton's method on the total potential with a line search: slower than `iterate` far from equilibrium, but
 // it cannot leave a stable one. Where the tangent is not positive definite, a multiple of its diagonal is
-// added (Nocedal & Wright 2006, ch. 3.4).
+// added (Nocedal & Wright 2006, ch. 3.4). Such steps may end on a saddle that the start's symmetry leads to,
+// so what is left factorised at the end is the tangent itself.
 NewtonSolver::Outcome NewtonSolver::minimise(std::vector<double>& displacement,
                                              const std::vector<double>& target, double scale,
                                              double tolerance, const EquilibriumSettings& settings,
@@ -71,13 +72,19 @@ NewtonSolver::Outcome NewtonSolver::minimise(std::vector<double>& displacement,
              return body.holds(c / 2, c % 2) ? 0.0 : target[c] * u[c];
            });
   };
-  double shift = 0, energy = potential(displacement);
+  double shift = 0, shift_factorised = 0, energy = potential(displacement);
   std::vector<double> trial(2 * n);
   for (int iteration = 0; iteration < kIterations; ++iteration) {
     outcome.residual = set_residual(target) / scale;
     if (iteration > 0 && outcome.change < tolerance &&
         (outcome.residual < tolerance || outcome.residual < round_off() / scale)) {
       outcome.converged = true;
+      if (shift_factorised > 0) {
+        use_current_stress();
+        assemble();
+        ++report.steps;
+        factorise();  // a singular tangent is not positive definite either
+      }
       return outcome;
     }
     if (report.steps >= settings.maximum_steps) return outcome;
@@ -94,6 +101,7 @@ NewtonSolver::Outcome NewtonSolver::minimise(std::vector<double>& displacement,
       if (shift > 1e3) return outcome;
       continue;
     }
+    shift_factorised = shift;
     const double slope = -dot(right_hand_side_, solution_);
     double share = 1, next = energy;
     bool descended = false;
