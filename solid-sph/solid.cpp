@@ -132,13 +132,16 @@ v1::Exchange Solid::start(const v1::Exchange& initial, const std::filesystem::pa
   return brought;
 }
 
-void Solid::fail(const Breakdown& breakdown, const Window& window) {
-  const std::size_t i = breakdown.particle;
+void Solid::keep_last_state() {
   try {
     write_particles(folder_ / "last-state.hdf");
-  } catch (
-      const std::exception&) {  // the picture is a courtesy; the diagnosis below must not be lost with it
+  } catch (const std::exception&) {  // the picture is a courtesy; the diagnosis must not be lost with it
   }
+}
+
+void Solid::fail(const Breakdown& breakdown, const Window& window) {
+  const std::size_t i = breakdown.particle;
+  keep_last_state();
   const bool finite = std::isfinite(breakdown.j);
   throw Diverged(
       finite ? "deformation_gradient" : "displacement",
@@ -175,6 +178,17 @@ AdvanceResult Solid::advance(const Window& window, const v1::Exchange& inputs, P
       result.remaining_error = find_equilibrium(window, monitor);
   } catch (const Breakdown& breakdown) {
     fail(breakdown, window);
+  } catch (const ThrownOut& out) {
+    keep_last_state();
+    throw Diverged(
+        "displacement",
+        fmt::format("particle {} with reference position ({:.6g}, {:.6g}) m has been thrown out: it is "
+                    "{:.3g} m from there at step {} of window {}, iteration {}; fields are in "
+                    "last-state.hdf",
+                    out.particle, body_.position[2 * out.particle], body_.position[2 * out.particle + 1],
+                    out.displacement, out.step, window.number, window.iteration),
+        "use formulation = \"total_lagrangian\", which has no tensile instability, or a smaller "
+        "artificial_stress or courant");
   } catch (const ContactLost& lost) {
     throw Diverged(
         "displacement",

@@ -52,6 +52,7 @@ private:
   [[nodiscard]] std::vector<std::pair<std::string, double>> rigid_quantities(
       std::size_t rigid, const std::array<double, 2>& point) const;
   [[noreturn]] void fail(const Breakdown& breakdown, const Window& window);
+  void keep_last_state();
   [[nodiscard]] std::uint64_t steps_for(double duration);
   void fill_displacements(v1::Displacements& field) const;
   [[nodiscard]] std::vector<WatchValues> watch_values(double time);

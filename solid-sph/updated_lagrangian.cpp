@@ -14,6 +14,7 @@ UpdatedLagrangianSolver::UpdatedLagrangianSolver(const Body& body, const SolverO
       artificial_stress_(options.artificial_stress),
       smoothing_(options.conservative_smoothing),
       repulsion_(artificial_stress_ > 0 ? 3 * body.size() : 0),
+      weight_sum_(smoothing_ > 0 ? body.size() : 0),
       position_(2 * body.size()) {
   const std::size_t members = body.member.empty() ? 1 : std::size_t{body.member.back()} + 1;
   while (materials_.size() < members) materials_.push_back(materials_.front());
@@ -209,25 +210,35 @@ void UpdatedLagrangianSolver::accelerate(const State& state) {
   }
 }
 
+// The weights of a pair are those of VelocitySmoothing, of the neighbours of now.
 double UpdatedLagrangianSolver::smooth(State& state) {
+  const std::size_t n = body_.size();
   const double before = kinetic_energy(state), h = body_.smoothing_length;
+  const auto volume = [&](std::size_t i) { return body_.mass[i] / history_[kHistorySize * i + 4]; };
+  const auto value = [&](std::size_t i, std::size_t j) {
+    return kernel_value(
+        kernel_, std::hypot(position_[2 * j] - position_[2 * i], position_[2 * j + 1] - position_[2 * i + 1]),
+        h);
+  };
+  for (std::size_t i = 0; i < n; ++i) {
+    weight_sum_[i] = 0;
+    for (std::size_t p = first_[i]; p < first_[i + 1]; ++p)
+      weight_sum_[i] += volume(neighbour_[p]) * value(i, neighbour_[p]);
+  }
   smoothed_ = state.velocity;
-  for (std::size_t i = 0; i < body_.size(); ++i) {
-    double weights = 0, vx = 0, vy = 0;
+  for (std::size_t i = 0; i < n; ++i) {
+    double vx = 0, vy = 0;
     for (std::size_t p = first_[i]; p < first_[i + 1]; ++p) {
       const std::size_t j = neighbour_[p];
-      const double w = body_.mass[j] / history_[kHistorySize * j + 4] *
-                       kernel_value(kernel_,
-                                    std::hypot(position_[2 * j] - position_[2 * i],
-                                               position_[2 * j + 1] - position_[2 * i + 1]),
-                                    h);
-      weights += w;
-      vx += w * state.velocity[2 * j];
-      vy += w * state.velocity[2 * j + 1];
+      const double w = value(i, j);
+      if (!(w > 0)) continue;
+      const double weight =
+          0.5 * w * (body_.mass[i] * volume(j) / weight_sum_[i] + body_.mass[j] * volume(i) / weight_sum_[j]);
+      vx += weight * (state.velocity[2 * j] - state.velocity[2 * i]);
+      vy += weight * (state.velocity[2 * j + 1] - state.velocity[2 * i + 1]);
     }
-    if (!(weights > 0)) continue;
-    if (!body_.holds(i, 0)) smoothed_[2 * i] += smoothing_ * (vx / weights - smoothed_[2 * i]);
-    if (!body_.holds(i, 1)) smoothed_[2 * i + 1] += smoothing_ * (vy / weights - smoothed_[2 * i + 1]);
+    if (!body_.holds(i, 0)) smoothed_[2 * i] += smoothing_ / body_.mass[i] * vx;
+    if (!body_.holds(i, 1)) smoothed_[2 * i + 1] += smoothing_ / body_.mass[i] * vy;
   }
   state.velocity.swap(smoothed_);
   return before - kinetic_energy(state);
@@ -264,10 +275,12 @@ void UpdatedLagrangianSolver::advance(State& state, const Loading& loading, doub
       }
     strain(state, dt);
     for (std::size_t c = 0; c < 2 * n; ++c) state.displacement[c] += dt * state.velocity[c];
-    for (std::size_t i = 0; i < n; ++i)
-      if (!(std::hypot(state.displacement[2 * i], state.displacement[2 * i + 1]) < too_far_) ||
-          !std::isfinite(history_[kHistorySize * i]))
+    for (std::size_t i = 0; i < n; ++i) {
+      const double moved = std::hypot(state.displacement[2 * i], state.displacement[2 * i + 1]);
+      if (!std::isfinite(moved) || !std::isfinite(history_[kHistorySize * i]))
         throw Breakdown(i, step, std::nan(""));
+      if (!(moved < too_far_)) throw ThrownOut(i, step, moved);
+    }
     find_neighbours(state);
     accelerate(state);
     external.set(fraction, time, state.displacement);

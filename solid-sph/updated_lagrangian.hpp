@@ -8,14 +8,24 @@
 //     a_i = sum_j m_j (sigma_i/rho_i^2 + sigma_j/rho_j^2 - Pi_ij I + f_ij^4 (R_i + R_j)) grad W_ij.
 // Two of the remedies tried in the literature: Gray, Monaghan & Swift's artificial stress, R = -eta
 // sigma/rho^2 of principal stresses in tension, f_ij = W_ij over W at the particles' spacing; and Swegle's
-// conservative smoothing of velocities.
+// conservative smoothing of velocities, by pairs (VelocitySmoothing), so that momentum is kept to round-off.
 #pragma once
 
 #include <memory>
+#include <stdexcept>
 
 #include "solver.hpp"
 
 namespace estuary::solid {
+
+/// An unstable run has thrown a particle out, while all numbers are still finite.
+struct ThrownOut : std::runtime_error {
+  ThrownOut(std::size_t which, std::uint64_t at_step, double moved)
+      : std::runtime_error("thrown out"), particle(which), step(at_step), displacement(moved) {}
+  std::size_t particle;
+  std::uint64_t step;
+  double displacement;  // its length [m]
+};
 
 /// History: Cauchy stress xx xy yy zz [Pa] and density [kg/m3] of each particle. Transient only.
 class UpdatedLagrangianSolver final : public Solver {
@@ -51,7 +61,7 @@ private:
   double artificial_stress_, smoothing_;
   double too_far_ = 0;             // a particle that has moved so far was thrown out by an unstable run [m]
   std::vector<double> repulsion_;  // R of each particle, xx xy yy [Pa m6/kg2]
-  std::vector<double> smoothed_;
+  std::vector<double> smoothed_, weight_sum_;
   std::unique_ptr<Solver>
       reference_;  // the same body in total Lagrangian form: stable step, deformation gradient
   std::vector<double> position_;

@@ -81,5 +81,46 @@ TEST(UpdatedLagrangian, KeepsLinearMomentumAndLosesTheBarThatTotalLagrangianKeep
   EXPECT_LT(longest(repelling), broken);
 }
 
+TEST(UpdatedLagrangian, SmoothingKeepsLinearMomentumAndTakesEnergy) {
+  // At free edges every particle has its own sum of weights; the velocities are without symmetry.
+  const Body body = fill(test::box_of(1.0, 0.4, 0.05), 1000, 1.2, false);
+  SolverOptions options = elastic_plate();
+  options.conservative_smoothing = 0.5;
+  UpdatedLagrangianSolver solver(body, options);
+  State state = at_rest(body);
+  state.history = solver.history();
+  for (std::size_t i = 0; i < body.size(); ++i) {
+    const double x = body.position[2 * i], y = body.position[2 * i + 1];
+    state.velocity[2 * i] = 0.3 + x * x + std::sin(60 * x + 25 * y);
+    state.velocity[2 * i + 1] = std::exp(x) * y;
+  }
+  const auto momentum = [&](std::size_t c) {
+    double sum = 0;
+    for (std::size_t i = 0; i < body.size(); ++i) sum += body.mass[i] * state.velocity[2 * i + c];
+    return sum;
+  };
+  const double before[2] = {momentum(0), momentum(1)}, energy = solver.kinetic_energy(state);
+  solver.advance(state, {}, 1e-4, 20, 0, test::no_monitor);
+  EXPECT_NEAR(momentum(0) / before[0], 1, 1e-13);
+  EXPECT_NEAR(momentum(1) / before[1], 1, 1e-13);
+  EXPECT_GT(state.viscous_work, 0.1 * energy);
+}
+
+TEST(UpdatedLagrangian, SaysWhichParticleWasThrownOutAndHowFar) {
+  const Body body = fill(test::box_of(1.0, 0.4, 0.05), 1000, 1.2, false);
+  UpdatedLagrangianSolver solver(body, elastic_plate());
+  State state = at_rest(body);
+  state.history = solver.history();
+  state.velocity[2 * 7] = 1e12;
+  try {
+    solver.advance(state, {}, 1e-3, 10, 0, test::no_monitor);
+    FAIL();
+  } catch (const ThrownOut& out) {
+    EXPECT_EQ(out.particle, 7u);
+    EXPECT_EQ(out.step, 1u);
+    EXPECT_NEAR(out.displacement, 1e8, 1);
+  }
+}
+
 }  // namespace
 }  // namespace estuary::solid
