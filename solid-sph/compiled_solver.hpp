@@ -156,7 +156,11 @@ public:
       rigid.drift(state, time);
       if constexpr (Viscous) guide.copy_velocity(state.velocity, predicted_velocity_);
       sweep<true>(state.displacement, predicted_velocity_, step);
-      if (rupture_) tear(state.displacement, predicted_velocity_, step);
+      if (rupture_) {
+        set_time_step(kNoTime);  // what flows in this step has flowed
+        tear(state.displacement, predicted_velocity_, step);
+        set_time_step(dt);
+      }
       external.set(fraction, time, state.displacement);
       external.add_to(fields_.force);
       if (contact) {
@@ -248,28 +252,27 @@ private:
   // Breaks links that are past their limits; forces are then those without them.
   void tear(std::span<const double> displacement, std::span<const double> velocity, std::uint64_t step) {
     constexpr std::size_t size = Law::history_size;
-    double before = 0;
-    Rupture::Loads loads;
-    loads.plastic = kHistory;
-    loads.begin = [&] { before = energy(displacement) + plastic_work(); };
-    loads.stored = [&](std::size_t i) {
-      const Tensor<double> f = tensor_at(fields_.deformation_gradient, i);
-      if constexpr (kHistory)
-        return laws_[body_.member[i]].energy_density(f, &history_[size * i]);
-      else
-        return laws_[body_.member[i]].energy_density(f);
-    };
-    loads.dissipated = loads.plastic_strain = [](std::size_t) { return 0.0; };
-    loads.unload = [](std::size_t) {};
-    if constexpr (kHistory) {
-      loads.dissipated = [&](std::size_t i) { return history_[size * i + size - 1]; };
-      loads.plastic_strain = [&](std::size_t i) { return history_[size * i + 4]; };
-      loads.unload = [&](std::size_t i) {
-        std::copy(Law::kRest.begin(), Law::kRest.begin() + 4, &history_[size * i]);
-      };
+    const std::size_t n = body_.size();
+    if (rupture_->needs_energy()) {
+      stored_.resize(n);
+#pragma omp parallel for schedule(static) if (n > kSerialBelow)
+      for (std::size_t i = 0; i < n; ++i) {
+        const Tensor<double> f = tensor_at(fields_.deformation_gradient, i);
+        if constexpr (kHistory)
+          stored_[i] = laws_[body_.member[i]].energy_density(f, &history_[size * i]);
+        else
+          stored_[i] = laws_[body_.member[i]].energy_density(f);
+      }
     }
-    const std::span<double> own = std::span<double>(history_).subspan(size * body_.size());
-    if (rupture_->break_links(displacement, fields_.deformation_gradient, loads, own) == 0) return;
+    const std::span<double> own = std::span<double>(history_).subspan(size * n);
+    if (!rupture_->find_overloaded(displacement, {.stored = stored_, .law = history_, .law_size = size}, own))
+      return;
+    const double before = energy(displacement) + plastic_work();
+    for (const std::uint32_t i :
+         rupture_->break_links(displacement, fields_.deformation_gradient, kHistory, own))
+      if constexpr (kHistory)
+        std::copy(Law::kRest.begin(), Law::kRest.begin() + 4,
+                  history_.begin() + static_cast<std::ptrdiff_t>(size * i));
     fields_.base = rupture_->base().data();
     const std::vector<double> whole = fields_.force;
     sweep<false>(displacement, velocity, step);
@@ -329,6 +332,7 @@ private:
   std::optional<VelocitySmoothing> smoothing_;
   std::optional<HourglassViscosity> hourglass_;
   std::optional<Rupture> rupture_;
+  std::vector<double> stored_;  // elastic energy of each particle [J/m3], where links break by it
 };
 
 template <class Law>

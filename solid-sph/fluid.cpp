@@ -52,6 +52,13 @@ Fluid::Fluid(FluidSettings settings, std::vector<double> mass, std::vector<std::
   if (riemann_) support_.resize(mass_.size());
   if (viscous_) viscous_stress_.resize(4 * mass_.size());
   const double h = settings_.smoothing_ratio * settings_.spacing;
+  for (const FluidMaterial& a : settings_.materials)
+    for (const FluidMaterial& b : settings_.materials)
+      dissipation_.push_back({.linear = 0.5 * (a.linear * a.sound_speed + b.linear * b.sound_speed) * h,
+                              .quadratic = 0.5 * (a.quadratic + b.quadratic) * h * h,
+                              .sound_speed = 0.5 * (a.sound_speed + b.sound_speed),
+                              .limiter = 0.5 * (a.limiter + b.limiter),
+                              .riemann = a.riemann && b.riemann});
   for (int a = -4; a <= 4; ++a)
     for (int b = -4; b <= 4; ++b) {
       const double x = a * settings_.spacing, r = settings_.spacing * std::hypot(a, b);
@@ -188,7 +195,8 @@ void Fluid::find_forces_variant(const double* x, const double* v, std::span<cons
     const double xi = x[2 * i], yi = x[2 * i + 1], vx = v[2 * i], vy = v[2 * i + 1];
     const double* ti = &stress_[4 * i];
     const FluidMaterial& material = settings_.materials[member_[i]];
-    const double c = material.sound_speed, alpha = material.linear * c * h, beta = material.quadratic * h * h;
+    const double c = material.sound_speed;
+    const Dissipation* with = &dissipation_[settings_.materials.size() * member_[i]];
     double fx = 0, fy = 0, qx = 0, qy = 0, rate = 0;
     for (std::uint32_t k = first[i]; k < first[i + 1]; ++k) {
       const double w = weight_[k];
@@ -205,16 +213,17 @@ void Fluid::find_forces_variant(const double* x, const double* v, std::span<cons
       }
       if (dissipative) {
         const double approach = (v[2 * j] - vx) * dx + (v[2 * j + 1] - vy) * dy;
-        if (Riemann && approach < 0 && material.riemann) {
+        const Dissipation& pair = with[member_[j]];
+        if (Riemann && approach < 0 && pair.riemann) {
           const double r2 = dx * dx + dy * dy, speed = -approach / std::sqrt(r2);
           const double push = 0.25 * w * (support_[i] + support_[j]) * (density[i] + density[j]) *
-                              std::min(material.limiter * speed, c) * speed;
+                              std::min(pair.limiter * speed, pair.sound_speed) * speed;
           qx -= push * dx;
           qy -= push * dy;
         } else if (approach < 0) {
           const double mu = approach / (dx * dx + dy * dy + 0.1 * h * h);
-          const double push =
-              w * mass_[i] * mass_[j] * 2 * (-alpha * mu + beta * mu * mu) / (density[i] + density[j]);
+          const double push = w * mass_[i] * mass_[j] * 2 * (-pair.linear * mu + pair.quadratic * mu * mu) /
+                              (density[i] + density[j]);
           qx -= push * dx;
           qy -= push * dy;
         }

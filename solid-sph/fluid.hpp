@@ -90,6 +90,13 @@ private:
   std::vector<double> lost_;              // by diffusion in the last step [J/m]
   std::vector<double> force_, viscous_force_;
   double diffusion_work_ = 0;
+  // What pairs of two members dissipate by, the mean of both: action and reaction are the same.
+  struct Dissipation {
+    double linear, quadratic;  // alpha c h [m2/s], beta h^2 [m2]
+    double sound_speed, limiter;
+    bool riemann;  // between particles that both have it
+  };
+  std::vector<Dissipation> dissipation_;  // of every member with every member
 };
 
 }  // namespace estuary::solid

@@ -276,8 +276,9 @@ NamedValues ImpactSolver::quantities_of(std::size_t i, const State& state) const
   // The same names for every particle: frames have one column for all.
   if (solid_ && solid_->law_history() > 0) {
     const bool own = is_fluid_[i] == 0 && is_shell_[i] == 0 && local_[i] != kNone;
-    values.emplace_back("plastic_strain",
-                        own ? solid_->history()[J2Plasticity::history_size * local_[i] + 4] : 0.0);
+    const double* history = own ? &solid_->history()[J2Plasticity::history_size * local_[i]] : nullptr;
+    values.emplace_back("plastic_strain", own ? history[4] : 0.0);
+    values.emplace_back("damage", own ? history[5] : 0.0);
   }
   if (rows_) {
     const bool own = is_shell_[i] != 0;

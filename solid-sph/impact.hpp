@@ -68,8 +68,9 @@ private:
                        std::vector<double>& to);
   void place(std::span<const double> displacement);
   /// Forces of the state reached by a step of `time_step` (0: of the state as it is) at the velocities given.
-  void find_forces(State& state, double time_step, std::uint64_t step);
-  void bend_shells(std::span<const double> displacement, bool commit);
+  /// Returns whether links of shells broke.
+  bool find_forces(State& state, double time_step, std::uint64_t step);
+  bool bend_shells(std::span<const double> displacement, bool commit);
   void copy_fields();
   void kick(State& state, const Loading& loading, const ExternalForces& external, double duration,
             double time_step, double damping);

@@ -23,11 +23,12 @@ private:
 
 }  // namespace
 
-// Adds the forces of shells; links that are past a limit break.
-void ImpactSolver::bend_shells(std::span<const double> displacement, bool commit) {
-  if (!rows_) return;
+// Adds the forces of shells; links that are past a limit break. Returns whether any did.
+bool ImpactSolver::bend_shells(std::span<const double> displacement, bool commit) {
+  if (!rows_) return false;
   std::int64_t bad = rows_->evaluate(displacement, row_history_, commit && rows_->remembers(), fields_);
-  if (commit && rows_->breakable() && rows_->break_links(row_history_) > 0) {
+  const bool broke = commit && rows_->breakable() && rows_->break_links(row_history_) > 0;
+  if (broke) {
     pinball_.tear(rows_->broken_links(row_history_));
     copy_fields();
     bad += rows_->evaluate(displacement, row_history_, false, fields_);
@@ -36,9 +37,10 @@ void ImpactSolver::bend_shells(std::span<const double> displacement, bool commit
     for (const std::uint32_t i : rows_->particles())
       if (!std::isfinite(fields_.force[2 * i] + fields_.force[2 * i + 1]))
         throw Breakdown(i, 0, std::numeric_limits<double>::quiet_NaN());
+  return broke;
 }
 
-void ImpactSolver::find_forces(State& state, double time_step, std::uint64_t step) {
+bool ImpactSolver::find_forces(State& state, double time_step, std::uint64_t step) {
   place(state.displacement);
   Stopwatch watch;
   copy_out(fluid_particle_, state.velocity, fluid_velocity_);
@@ -62,7 +64,7 @@ void ImpactSolver::find_forces(State& state, double time_step, std::uint64_t ste
     solid_seconds_ += watch.seconds();
   }
   copy_fields();
-  bend_shells(state.displacement, time_step > 0);
+  return bend_shells(state.displacement, time_step > 0);
 }
 
 // Velocities of what follows a prescribed motion, of the coming step.
@@ -238,7 +240,7 @@ void ImpactSolver::advance(State& state, const Loading& given, double duration, 
     if (rows_ && (!loading.moments.empty() || loading.couples))
       state.external_work += rows_->moment_work(
           loading, time - 0.5 * dt, fraction - 0.5 / static_cast<double>(steps), dt, row_history_);
-    find_forces(state, dt, step);
+    if (find_forces(state, dt, step)) rows_->drop_broken(row_history_, kept);
     if (rows_) {
       rows_->add_moments(loading, time, fraction);
       rows_->turn(row_history_, dt, decay, gain, true);

@@ -1,5 +1,7 @@
 #include "rupture.hpp"
 
+#include <fmt/format.h>
+
 #include <algorithm>
 #include <cmath>
 #include <stdexcept>
@@ -27,11 +29,17 @@ Tensor<double> base_at(const std::vector<double>& values, std::size_t i) {
   return {values[4 * i], values[4 * i + 1], values[4 * i + 2], values[4 * i + 3]};
 }
 
+// Whether two segments cross. What ends on the other, up to rounding, does not cross it: otherwise a crack
+// along a row of particles would break the links that rounding picks.
 bool cross(const std::array<double, 4>& a, const std::array<double, 4>& b) {
   const auto side = [](const std::array<double, 4>& line, double x, double y) {
     return (line[2] - line[0]) * (y - line[1]) - (line[3] - line[1]) * (x - line[0]);
   };
-  return side(a, b[0], b[1]) * side(a, b[2], b[3]) < 0 && side(b, a[0], a[1]) * side(b, a[2], a[3]) < 0;
+  const double least = 1e-6 * std::hypot(a[2] - a[0], a[3] - a[1]) * std::hypot(b[2] - b[0], b[3] - b[1]);
+  const auto apart = [&](double p, double q) {
+    return p * q < 0 && std::min(std::abs(p), std::abs(q)) > least;
+  };
+  return apart(side(a, b[0], b[1]), side(a, b[2], b[3])) && apart(side(b, a[0], a[1]), side(b, a[2], a[3]));
 }
 
 }  // namespace
@@ -44,7 +52,10 @@ Rupture::Rupture(const Body& body, Neighbourhood& pairs, std::vector<RuptureLimi
       whole_(pairs),
       limits_(std::move(limits)),
       cracks_(std::move(cracks)),
-      isolated_(body.size(), 0) {
+      isolated_(body.size(), 0),
+      needs_energy_(std::any_of(limits_.begin(), limits_.end(), [](const auto& l) { return l.energy > 0; })),
+      taken_(body.size(), 0),
+      pending_(body.size(), 0) {
   mirror_.resize(pairs.pairs());
   for (std::size_t i = 0; i < body.size(); ++i)
     for (std::uint32_t k = pairs.first[i]; k < pairs.first[i + 1]; ++k) {
@@ -54,7 +65,29 @@ Rupture::Rupture(const Body& body, Neighbourhood& pairs, std::vector<RuptureLimi
       for (std::uint32_t m = pairs.first[j]; m < pairs.first[j + 1]; ++m)
         if (pairs.neighbour[m] == i) mirror_[k] = m;
     }
+  check_cracks();
   apply(rest_history());
+}
+
+// A crack that does nothing is a slip: a point outside, or a line right through particles.
+void Rupture::check_cracks() const {
+  for (const auto& crack : cracks_) {
+    bool crosses = std::hypot(crack[2] - crack[0], crack[3] - crack[1]) < body_.mean_spacing();
+    for (std::size_t i = 0; i < body_.size() && !crosses; ++i)
+      for (std::uint32_t k = whole_.first[i]; k < whole_.first[i + 1] && !crosses; ++k)
+        crosses = cross(link(i, k), crack);
+    if (!crosses)
+      throw std::invalid_argument(fmt::format(
+          "the crack from ({:.6g}, {:.6g}) to ({:.6g}, {:.6g}) breaks no link between particles: it lies "
+          "outside of the body or right on a row of particles; lay it through the body between two rows, or "
+          "change `spacing`",
+          crack[0], crack[1], crack[2], crack[3]));
+  }
+}
+
+std::array<double, 4> Rupture::link(std::size_t i, std::size_t k) const {
+  const double x = body_.position[2 * i], y = body_.position[2 * i + 1];
+  return {x, y, x + whole_.offset[2 * k], y + whole_.offset[2 * k + 1]};
 }
 
 std::vector<double> Rupture::rest_history() const {
@@ -62,12 +95,10 @@ std::vector<double> Rupture::rest_history() const {
   for (std::size_t i = 0; i < body_.size(); ++i)
     history[whole_.pairs() + 4 * i] = history[whole_.pairs() + 4 * i + 3] = 1;
   for (std::size_t i = 0; i < body_.size() && !cracks_.empty(); ++i)
-    for (std::uint32_t k = whole_.first[i]; k < whole_.first[i + 1]; ++k) {
-      const double x = body_.position[2 * i], y = body_.position[2 * i + 1];
-      const std::array<double, 4> link{x, y, x + whole_.offset[2 * k], y + whole_.offset[2 * k + 1]};
-      if (std::any_of(cracks_.begin(), cracks_.end(), [&](const auto& crack) { return cross(link, crack); }))
+    for (std::uint32_t k = whole_.first[i]; k < whole_.first[i + 1]; ++k)
+      if (std::any_of(cracks_.begin(), cracks_.end(),
+                      [&](const auto& crack) { return cross(link(i, k), crack); }))
         history[k] = 1;
-    }
   return history;
 }
 
@@ -161,52 +192,56 @@ double Rupture::overload(std::size_t k, std::size_t i, std::span<const double> u
       std::hypot(x + u[2 * j] - u[2 * i], y + u[2 * j + 1] - u[2 * i + 1]) / std::hypot(x, y) - 1;
   // What is pressed together does not part.
   if (!(stretch > 0)) return 0;
+  const auto both = [&](std::size_t entry) {
+    return loads.law_size > 0 ? loads.law[loads.law_size * i + entry] + loads.law[loads.law_size * j + entry]
+                              : 0;
+  };
   double worst = 0;
   if (limit.stretch > 0) worst = stretch / limit.stretch;
-  if (limit.plastic_strain > 0)
-    worst = std::max(worst, 0.5 * (loads.plastic_strain(i) + loads.plastic_strain(j)) / limit.plastic_strain);
+  if (limit.plastic_strain > 0) worst = std::max(worst, 0.5 * both(4) / limit.plastic_strain);
   if (limit.energy > 0) {
-    const double density =
-        0.5 * kTip * (loads.stored(i) + loads.stored(j)) + loads.dissipated(i) + loads.dissipated(j);
+    const double density = 0.5 * kTip * (loads.stored[i] + loads.stored[j]) + both(loads.law_size - 1);
     worst = std::max(worst, density * body_.mean_spacing() / limit.energy);
   }
   // Of links equally loaded the one that is stretched most.
   return worst > 1 ? worst + stretch : 0;
 }
 
-std::size_t Rupture::break_links(std::span<const double> u, const std::vector<double>& deformation,
-                                 const Loads& loads, std::span<double> history) {
-  const std::size_t n = body_.size();
-  struct Candidate {
-    double overload;
-    std::uint32_t pair, i, j;
-  };
-  std::vector<Candidate> candidates;
-  for (std::uint32_t i = 0; i < n; ++i) {
-    if (!limits_[body_.member[i]].any() || isolated_[i] != 0) continue;
+bool Rupture::find_overloaded(std::span<const double> u, const Loads& loads,
+                              std::span<const double> history) {
+  candidates_.clear();
+  for (std::uint32_t i = 0; i < body_.size(); ++i) {
+    if (!limits_[body_.member[i]].any()) continue;
     for (std::uint32_t k = whole_.first[i]; k < whole_.first[i + 1]; ++k) {
       const std::uint32_t j = whole_.neighbour[k];
-      if (j <= i || !intact(history, k)) continue;
+      if (j <= i || !intact(history, k) || (isolated_[i] != 0 && isolated_[j] != 0)) continue;
       const double value = overload(k, i, u, loads);
-      if (value > 0) candidates.push_back({value, k, i, j});
+      if (value > 0) candidates_.push_back({value, k, i, j});
     }
   }
-  if (candidates.empty()) return 0;
-  loads.begin();
-  std::sort(candidates.begin(), candidates.end(), [](const Candidate& a, const Candidate& b) {
+  return !candidates_.empty();
+}
+
+std::span<const std::uint32_t> Rupture::break_links(std::span<const double> u,
+                                                    const std::vector<double>& deformation, bool plastic,
+                                                    std::span<double> history) {
+  std::sort(candidates_.begin(), candidates_.end(), [](const Candidate& a, const Candidate& b) {
     return a.overload != b.overload ? a.overload > b.overload : a.pair < b.pair;
   });
-  std::vector<std::uint8_t> taken(n, 0);
-  std::vector<std::uint32_t> touched;
-  std::size_t count = 0;
-  for (const Candidate& candidate : candidates) {
-    if (taken[candidate.i] != 0 || taken[candidate.j] != 0) continue;
-    taken[candidate.i] = taken[candidate.j] = 1;
-    touched.insert(touched.end(), {candidate.i, candidate.j});
+  std::fill(taken_.begin(), taken_.end(), 0);
+  touched_.clear();
+  unloaded_.clear();
+  for (const Candidate& candidate : candidates_) {
+    if (taken_[candidate.i] != 0 || taken_[candidate.j] != 0) continue;
+    taken_[candidate.i] = taken_[candidate.j] = 1;
+    touch(candidate.i);
+    touch(candidate.j);
     history[candidate.pair] = history[mirror_[candidate.pair]] = 1;
-    ++count;
   }
-  for (const std::uint32_t i : touched) {
+  // Grows while it is worked off: whoever loses a link is fitted (again) afterwards.
+  for (std::size_t t = 0; t < touched_.size(); ++t) {
+    const std::uint32_t i = touched_[t];
+    pending_[i] = 0;
     const std::span<double> own = history.subspan(whole_.pairs() + 4 * i, 4);
     const auto set = [&](const Tensor<double>& c) {
       own[0] = c.xx;
@@ -215,9 +250,9 @@ std::size_t Rupture::break_links(std::span<const double> u, const std::vector<do
       own[3] = c.yy;
     };
     const bool carries = fit(i, history).value_or(1) > 0;
-    if (!carries) loads.unload(i);
+    if (!carries) unloaded_.push_back(i);
     set({1, 0, 0, 1});
-    if (!carries || !loads.plastic) continue;
+    if (!carries || !plastic) continue;
     Tensor<double> f{1, 0, 0, 1};
     for (std::uint32_t k = whole_.first[i]; k < whole_.first[i + 1]; ++k) {
       const std::size_t j = whole_.neighbour[k];
@@ -232,17 +267,20 @@ std::size_t Rupture::break_links(std::span<const double> u, const std::vector<do
     const Tensor<double> inverse{f.yy / j, -f.xy / j, -f.yx / j, f.xx / j};
     const Tensor<double> c = product(inverse, old);
     const double size = std::abs(c.xx) + std::abs(c.xy) + std::abs(c.yx) + std::abs(c.yy);
-    // Links that are left say nothing sensible: cut them too.
     if (j > 0 && size < kLargest) {
       set(c);
       continue;
     }
-    for (std::uint32_t k = whole_.first[i]; k < whole_.first[i + 1]; ++k)
+    // Links that are left say nothing sensible: cut them too.
+    for (std::uint32_t k = whole_.first[i]; k < whole_.first[i + 1]; ++k) {
+      if (!intact(history, k)) continue;
       history[k] = history[mirror_[k]] = 1;
-    loads.unload(i);
+      touch(whole_.neighbour[k]);
+    }
+    unloaded_.push_back(i);
   }
   apply(history);
-  return count;
+  return unloaded_;
 }
 
 std::array<double, 3> Rupture::losses(std::span<const double> history) const {

@@ -1,9 +1,10 @@
 // Solid bodies that break: links between neighbours, taken out of the reference neighbourhood.
 //
 // A link breaks when its stretch, the mean plastic strain of its ends, or the energy they have taken up
-// passes a limit. The energy is that of a crack's area: with the spacing d and the densities of the elastic
-// energy and the plastic work at both ends, means over them, (w_e + 2 w_p) d: a crack takes a band of one
-// spacing out of an elastic body, and flow localises in two (crack band: Bazant & Oh 1983). Of links that
+// passes a limit. The energy is that of a crack's area: with the spacing d and the means w_e and w_p over
+// both ends of the densities of the elastic energy and the plastic work, (4.75 w_e + 2 w_p) d. Flow localises
+// in two spacings (crack band: Bazant & Oh 1983); of elastic energy the link at the tip of a crack that is
+// about to grow holds that much less than what growth sets free (measured, see rupture.cpp). Of links that
 // share an end only the one furthest past its limit breaks in a step.
 //
 // A touched particle gets the linearly corrected gradient of the links it has left (Maurel 2008, ch. 2) and
@@ -16,7 +17,6 @@
 
 #include <array>
 #include <cstdint>
-#include <functional>
 #include <optional>
 #include <span>
 #include <vector>
@@ -29,7 +29,8 @@ namespace estuary::solid {
 class Rupture {
 public:
   /// `pairs` is what the sweeps use; it changes with every break. One set of limits for each member.
-  /// Links that cross a segment (x0, y0, x1, y1) of `cracks` are broken from the start.
+  /// Links that cross a segment (x0, y0, x1, y1) of `cracks` are broken from the start; std::invalid_argument
+  /// for a segment, longer than the spacing, that crosses none.
   Rupture(const Body& body, Neighbourhood& pairs, std::vector<RuptureLimits> limits,
           std::vector<std::array<double, 4>> cracks, Kernel kernel);
 
@@ -43,16 +44,21 @@ public:
   [[nodiscard]] std::vector<double> rest_history() const;
   /// Makes the operator that of a history.
   void restore(std::span<const double> history);
-  /// What particles know of themselves. Densities in J/m3.
+  /// Of every particle; no plastic strain and work: an elastic body.
   struct Loads {
-    std::function<double(std::size_t)> stored, dissipated, plastic_strain;
-    std::function<void(std::size_t)> unload;  // forgets the plastic strain of one that is isolated
-    std::function<void()> begin;              // before anything breaks
-    bool plastic = false;
+    std::span<const double> stored;  // elastic energy [J/m3]; read when `needs_energy`
+    std::span<const double> law;  // history of the law, `law_size` each: [4] plastic strain, last: its work
+    std::size_t law_size = 0;
   };
-  /// Breaks what is past its limits. Returns how many links.
-  std::size_t break_links(std::span<const double> displacement, const std::vector<double>& deformation,
-                          const Loads& loads, std::span<double> history);
+  [[nodiscard]] bool needs_energy() const { return needs_energy_; }
+  /// Finds the links that are past their limits. Returns whether there are any.
+  bool find_overloaded(std::span<const double> displacement, const Loads& loads,
+                       std::span<const double> history);
+  /// Breaks those, of links that share an end the worst. Returns the particles that carry nothing more, some
+  /// perhaps twice.
+  std::span<const std::uint32_t> break_links(std::span<const double> displacement,
+                                             const std::vector<double>& deformation, bool plastic,
+                                             std::span<double> history);
   void set_free(double energy, std::span<double> history) const { history.back() += energy; }
   [[nodiscard]] double energy_set_free(std::span<const double> history) const { return history.back(); }
   /// Broken links, isolated particles, their mass [kg/m].
@@ -68,7 +74,18 @@ private:
   /// it is isolated, nothing when no link of it is broken.
   std::optional<double> fit(std::size_t i, std::span<const double> history);
   void apply(std::span<const double> history);
+  void check_cracks() const;
+  /// Ends of a pair at rest: x0, y0, x1, y1.
+  [[nodiscard]] std::array<double, 4> link(std::size_t i, std::size_t pair) const;
+  void touch(std::uint32_t i) {
+    if (pending_[i] == 0) touched_.push_back(i);
+    pending_[i] = 1;
+  }
 
+  struct Candidate {
+    double overload;
+    std::uint32_t pair, i, j;
+  };
   Body body_;
   const Body& whole_body_;
   Neighbourhood& pairs_;
@@ -80,6 +97,10 @@ private:
   std::vector<double> base_;
   std::vector<double> applied_;  // the history that `pairs_` belongs to
   std::vector<std::uint8_t> isolated_;
+  bool needs_energy_ = false;
+  std::vector<Candidate> candidates_;
+  std::vector<std::uint8_t> taken_, pending_;
+  std::vector<std::uint32_t> touched_, unloaded_;  // touched: still to be fitted, in order
 };
 
 }  // namespace estuary::solid

@@ -202,7 +202,9 @@ std::vector<WatchValues> Solid::watch_values(double time) {
           {"velocity_x", v[0]},     {"velocity_y", v[1]},         {"cauchy_xx", stress[0]},
           {"cauchy_yy", stress[1]}, {"cauchy_xy", stress[2]},     {"cauchy_zz", stress[3]},
           {"von_mises", stress[4]}, {"plastic_strain", stress[5]}};
-      if (scene_.plastic()) entry.quantities.emplace_back("damage", stress[6]);
+      // Of bodies that meet by impulses among what the solver knows, below; shells have none.
+      if (scene_.plastic() && !scene_.shells() && !scene_.impact())
+        entry.quantities.emplace_back("damage", stress[6]);
       add_quantities(*watch.transfer, entry.quantities);
     } else {
       double largest = 0;

@@ -1,6 +1,7 @@
 // The fluid's operators: exact for homogeneous motions, forces that do the work of the pressure.
 #include <gtest/gtest.h>
 
+#include <array>
 #include <cmath>
 
 #include "bodies.hpp"
@@ -37,6 +38,38 @@ struct FluidCloud {
     return {FluidSettings{.materials = {material}, .spacing = 0.1, .smoothing_ratio = ratio}, mass, member};
   }
 };
+
+TEST(Fluid, TwoUnlikeFluidsPushEachOtherWithOppositeForces) {
+  FluidCloud cloud(0.1);
+  for (std::size_t k = 0; k < cloud.member.size(); ++k) cloud.member[k] = k % 3 == 0 ? 1 : 0;
+  for (const bool first : {true, false})
+    for (const bool second : {true, false}) {
+      FluidMaterial water = calm_water(), oil = calm_water();
+      water.riemann = first;
+      oil.riemann = second;
+      oil.sound_speed = 700;
+      oil.limiter = 1e3;
+      water.linear = 1;
+      water.quadratic = 2;
+      oil.linear = 0.3;
+      oil.viscosity = 5;
+      Fluid fluid(FluidSettings{.materials = {water, oil}, .spacing = 0.1}, cloud.mass, cloud.member);
+      std::vector<double> density = cloud.density;
+      ASSERT_EQ(fluid.measure(cloud.position, cloud.velocity, 0, density), 0);
+      fluid.find_forces(cloud.position, cloud.velocity, density);
+      for (const auto* force : {&fluid.force(), &fluid.viscous_force()}) {
+        std::array<double, 2> sum{};
+        double size = 0;
+        for (std::size_t c = 0; c < force->size(); ++c) {
+          sum[c % 2] += (*force)[c];
+          size += std::abs((*force)[c]);
+        }
+        EXPECT_GT(size, 0);
+        EXPECT_NEAR(sum[0] / size, 0, 1e-13);
+        EXPECT_NEAR(sum[1] / size, 0, 1e-13);
+      }
+    }
+}
 
 TEST(Fluid, PressureIsTheEnergysDerivativeAlsoBeyondTheTensionLimit) {
   for (const auto equation :

@@ -6,6 +6,8 @@
 #include <cmath>
 #include <filesystem>
 
+#include "bodies.hpp"
+#include "rupture.hpp"
 #include "solid.hpp"
 
 namespace estuary::solid {
@@ -111,6 +113,87 @@ TEST(Rupture, KeepsMomentaAndBalancesEnergy) {
     EXPECT_NEAR(body["angular_momentum"], spin, 1e-9 * std::abs(spin) + 1e-10) << law;
     EXPECT_NEAR(body["total_energy"] / energy, 1, 0.01) << law;
   }
+}
+
+// Links alone, without motion.
+struct Links {
+  Body body;
+  Neighbourhood pairs;
+  std::vector<double> history;
+  std::unique_ptr<Rupture> rupture;
+  Links(double length, double height) : body(fill(test::box_of(length, height, 0.1), 1000, 0.95, false)) {
+    body.member.assign(body.size(), 0);
+    pairs = build_neighbourhood(body, NeighbourhoodOptions());
+    rupture = std::make_unique<Rupture>(body, pairs, std::vector<RuptureLimits>{{.stretch = 0.2}},
+                                        std::vector<std::array<double, 4>>{}, Kernel::cubic_spline);
+    history = rupture->rest_history();
+  }
+  std::vector<double> gradients(const std::vector<double>& u) const {
+    std::vector<double> f = rupture->base();
+    for (std::size_t i = 0; i < body.size(); ++i)
+      for (std::uint32_t k = pairs.first[i]; k < pairs.first[i + 1]; ++k)
+        for (std::size_t c = 0; c < 4; ++c)
+          f[4 * i + c] +=
+              (u[2 * pairs.neighbour[k] + c / 2] - u[2 * i + c / 2]) * pairs.gradient[2 * k + c % 2];
+    return f;
+  }
+};
+
+TEST(Rupture, ATornOffCornerLosesAllItsLinksWhateverItsNumber) {
+  double broken = 0;
+  for (const bool last : {false, true}) {
+    Links links(0.4, 0.4);
+    std::vector<double> u(2 * links.body.size(), 0.0);
+    const std::size_t corner = last ? links.body.size() - 1 : 0;
+    u[2 * corner] = u[2 * corner + 1] = last ? 0.5 : -0.5;
+    while (links.rupture->find_overloaded(u, {}, links.history))
+      links.rupture->break_links(u, links.gradients(u), false, links.history);
+    const auto lost = links.rupture->losses(links.history);
+    EXPECT_EQ(lost[0], links.pairs.first[corner + 1] - links.pairs.first[corner]);
+    EXPECT_EQ(lost[1], 1);
+    if (last) {
+      EXPECT_EQ(lost[0], broken);
+    }
+    broken = lost[0];
+  }
+}
+
+TEST(Rupture, WhatStillCarriesInABodyThatFlowedKeepsItsDeformation) {
+  Links links(0.8, 0.6);
+  // Torn so unevenly that what is left of some particles' links makes no sense and is cut too.
+  const std::vector<double> u = test::random_field(2 * links.body.size(), 0.08, 3);
+  std::vector<std::uint8_t> gone(links.body.size(), 0);
+  std::size_t unloaded = 0;
+  while (links.rupture->find_overloaded(u, {}, links.history)) {
+    const std::vector<double> before = links.gradients(u);
+    for (const std::uint32_t i : links.rupture->break_links(u, before, true, links.history)) gone[i] = 1;
+    const std::vector<double> after = links.gradients(u);
+    for (std::size_t c = 0; c < after.size(); ++c)
+      EXPECT_NEAR(after[c], gone[c / 4] != 0 ? (c % 4 % 3 == 0 ? 1 : 0) : before[c], 1e-9) << c;
+  }
+  for (const std::uint8_t one : gone) unloaded += one;
+  EXPECT_GT(unloaded, 0);
+  EXPECT_EQ(links.rupture->losses(links.history)[1], static_cast<double>(unloaded));
+}
+
+TEST(Rupture, RefusesACrackThatBreaksNothing) {
+  const auto refusal = [](const std::string& crack) -> std::string {
+    try {
+      Breaking body(
+          "law = \"neo_hooke\"\nspacing = 0.01\nbox = { from = [0.0, 0.0], to = [0.2, 0.05] }\n"
+          "rupture = { energy = 100.0, crack = [" +
+              crack + "] }\n",
+          1e-5);
+    } catch (const BadInput& refused) {
+      return refused.what();
+    }
+    return "";
+  };
+  EXPECT_EQ(refusal("[-0.01, 0.023], [0.06, 0.023]"), "");
+  EXPECT_NE(refusal("[-0.01, 0.06], [0.05, 0.06]").find("(-0.01, 0.06) to (0.05, 0.06)"), std::string::npos);
+  // The second of two, along a column of particles.
+  EXPECT_NE(refusal("[-0.01, 0.023], [0.06, 0.023], [0.06, 0.2]").find("to (0.06, 0.2)"), std::string::npos);
+  EXPECT_EQ(refusal("[-0.01, 0.023], [0.064, 0.023], [0.064, 0.2]"), "");
 }
 
 TEST(Rupture, RepeatedWindowsAndARestartGiveTheSameBits) {
