@@ -26,20 +26,22 @@ struct ElasticConstants {
   double mu = 0;
   /// Lambda for the stress across the plane; 0 in plane stress, where that stress vanishes.
   double lambda_across = 0;
+  /// No number above tells: without Poisson's effect they are those of plane strain, where laws whose volume
+  /// resists by itself still carry stress across.
+  Plane plane = Plane::strain;
 
   static ElasticConstants from(double young_modulus, double poisson_ratio, Plane plane) {
     const double mu = young_modulus / (2 * (1 + poisson_ratio));
     const double lambda = young_modulus * poisson_ratio / ((1 + poisson_ratio) * (1 - 2 * poisson_ratio));
-    if (plane == Plane::strain) return {lambda, mu, lambda};
-    return {2 * lambda * mu / (lambda + 2 * mu), mu, 0};
+    if (plane == Plane::strain) return {lambda, mu, lambda, plane};
+    return {2 * lambda * mu / (lambda + 2 * mu), mu, 0, plane};
   }
   /// Modulus of a plane compression wave, rho c^2 [Pa].
   [[nodiscard]] double wave_modulus() const { return lambda + 2 * mu; }
   /// What stabilisation is measured by: the wave modulus, but no more than 4 mu, so that a nearly
   /// incompressible body does not lock (they are equal at a Poisson ratio of 1/3 in plane strain).
   [[nodiscard]] double stabilisation_modulus() const { return std::min(wave_modulus(), 4 * mu); }
-  /// Without Poisson's effect there is none of either kind.
-  [[nodiscard]] bool plane_stress() const { return lambda_across == 0 && lambda != 0; }
+  [[nodiscard]] bool plane_stress() const { return plane == Plane::stress; }
   /// Lambda of the solid itself, before plane stress changes it.
   [[nodiscard]] double solid_lambda() const {
     return plane_stress() ? 2 * mu * lambda / (2 * mu - lambda) : lambda;

@@ -139,6 +139,26 @@ TEST(NeoHookeIsochoric, IncompressibleSheetInPlaneStressHasTheTextbooksStress) {
   EXPECT_NEAR(p.yy / law.constants.mu, 0.6 - 1 / (0.6 * 0.6 * 0.6 * 4), 2e-4);
 }
 
+// Its bulk modulus, 2 mu / 3, is not lambda: at finite strain the volume resists without Poisson's effect
+// too.
+TEST(NeoHookeIsochoric, SheetWithoutPoissonsEffectCarriesNoStressAcross) {
+  const ElasticConstants of_sheet = ElasticConstants::from(3.0, 0, Plane::stress);
+  const NeoHookeIsochoric sheet{of_sheet}, solid{ElasticConstants::from(3.0, 0, Plane::strain)};
+  const double mu = of_sheet.mu, bulk = 2 * mu / 3;
+  const Tensor<double> f{1.6, 0.2, -0.1, 1.3};
+  const double across = sheet.stretch_across(f), j = determinant(f) * across;
+  const double stress =
+      mu * std::pow(j, -5.0 / 3) * (across * across - (contraction(f, f) + across * across) / 3) +
+      0.5 * bulk * (j - 1 / j);
+  EXPECT_NEAR(stress, 0, 1e-12);
+  EXPECT_EQ(sheet.stress_across(f), 0);
+  EXPECT_GT(std::abs(across - 1), 0.01);
+  EXPECT_GT(std::abs(solid.stress_across(f)), 0.1);
+  const double e = 1e-6;
+  const Tensor<double> d{e, 0, 0, 0}, p = sheet.first_piola_kirchhoff(f);
+  EXPECT_NEAR((sheet.energy_density(f + d) - sheet.energy_density(f - d)) / (2 * e), p.xx, 1e-8);
+}
+
 TEST(NeoHooke, SimpleShearIsLinear) {
   const NeoHooke law{ElasticConstants::from(2.6, 0.3, Plane::strain)};
   for (const double gamma : {0.1, 0.7, 3.0})
