@@ -6,6 +6,7 @@
 #include <array>
 #include <chrono>
 #include <cmath>
+#include <filesystem>
 #include <sstream>
 
 #include "channel.hpp"
@@ -37,7 +38,12 @@ void read_ranks(SceneTable& table, ParticipantScene& participant) {
                                        participant.role));
     return;
   }
-  if (!participant.command.front().ends_with("-mpi")) participant.command.front() += "-mpi";
+  const std::string name = std::filesystem::path(participant.command.front()).filename();
+  if (name != "fluid-lbm" && name != "fluid-lbm-mpi") {
+    table.problem("ranks", fmt::format("`solver` is {}: only fluid-lbm is shared among ranks", name));
+    return;
+  }
+  if (name == "fluid-lbm") participant.command.front() += "-mpi";
 }
 
 void read_participants(SceneTable& root, CouplingScene& result) {
@@ -100,6 +106,10 @@ void read_host(SceneTable& hosts, ParticipantScene& participant) {
   if (!connects && launch != Launch::local) participant.endpoint = table->text("address");
   if (connects && table->has("address"))
     table->problem("address", "the participant's own table has it already, as `connect`");
+  if (launch == Launch::slurm && participant.ranks > 1)
+    table->problem("launch",
+                   "\"slurm\" gives a participant one task, and ranks need one each: start fluid-lbm-mpi in "
+                   "the job yourself and give its address as `connect`, or leave `ranks` out");
   if (remote) {
     participant.folder = table->text("folder");
     participant.host = launch == Launch::ssh ? table->text("host") : table->text_or("host", "");

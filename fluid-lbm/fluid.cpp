@@ -6,6 +6,7 @@
 #include <algorithm>
 #include <cmath>
 
+#include "file_digest.hpp"
 #include "watches.hpp"
 
 namespace estuary::fluid {
@@ -53,12 +54,21 @@ std::unique_ptr<Flow> Fluid::make_flow() const {
   return flow;
 }
 
+// Every rank has read them, perhaps on another machine.
+void Fluid::expect_same_pictures() const {
+  const auto bytes = std::as_bytes(std::span(scene_.solid_nodes));
+  const std::uint32_t own = crc32_of(bytes.data(), bytes.size());
+  if (own != as_first_rank(ranks_, own))
+    throw std::runtime_error("the pictures of obstacles here are not those that the first rank has read");
+}
+
 v1::Exchange Fluid::start(const v1::Exchange& initial, const std::filesystem::path& folder) {
   sides_constant_ = std::all_of(scene_.profiles.begin(), scene_.profiles.end(),
                                 [](const SideProfile& profile) { return profile.constant_in_time(); }) &&
                     std::all_of(scene_.body_force.begin(), scene_.body_force.end(),
                                 [](const Expression& force) { return force.constant_in_time(); });
   flow_ = make_flow();
+  if (ranks_ != nullptr) expect_same_pictures();
   output_ = std::make_unique<Output>(folder);
   if (!scene_.obstacle_connectivity.empty()) {
     flow_->set_obstacles(scene_.obstacle_positions.size() / 2, scene_.obstacle_connectivity,

@@ -65,6 +65,7 @@ private:
   [[nodiscard]] std::size_t steps_at_once() const;
   [[nodiscard]] bool first_rank() const { return ranks_ == nullptr || ranks_->rank() == 0; }
   [[nodiscard]] std::unique_ptr<Flow> make_flow() const;
+  void expect_same_pictures() const;
   AdvanceResult result();
   void check_result(const AdvanceResult& advanced);
 

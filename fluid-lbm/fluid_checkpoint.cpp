@@ -30,6 +30,11 @@ public:
     broadcast_values(ranks_, values);
     return values;
   }
+  [[nodiscard]] double read_number(const std::string& name) const {
+    double value = 0;
+    read(name, {&value, 1});
+    return value;
+  }
   // Only there, because it is large: the others get nothing.
   void read_on_first_rank(const std::string& name, std::vector<double>& values, std::size_t count) const {
     on_first_rank([&] {
@@ -107,7 +112,7 @@ void Fluid::load(const std::filesystem::path& file) {
   state.parity = reader.read_count("parity") == 1 ? Parity::odd : Parity::even;
   state.rules_applied = state.sides_complete = reader.read_count("rules applied") == 1;
   steps_ = reader.read_count("steps");
-  updates_ = reader.read_all("updates").at(0);
+  updates_ = reader.read_number("updates");
   for (const SideName name : {left, right, bottom, top, back, front}) {
     Side& side = flow_->sides()[name];
     std::vector<double> values(side.velocity_x.size() + side.velocity_y.size() + side.velocity_z.size() +
@@ -127,7 +132,7 @@ void Fluid::load(const std::filesystem::path& file) {
     latest_ = accepted_;
   }
   grains_.load([&](const char* name, std::span<double> values) { reader.read(name, values); });
-  time_ = end_time_ = reader.read_all("time").at(0);
+  time_ = end_time_ = reader.read_number("time");
   place_bodies(time_, 1.0, false);
   restart_body_loads();
   set_time(time_);

@@ -63,6 +63,10 @@ void read_initial(SceneTable& fluid, int dimension, FluidScene& result) {
   }
 }
 
+bool never_saves(SceneTable recovery) {
+  return recovery.has("every") && recovery.integer_or("every", 1, 0, 1'000'000'000) == 0;
+}
+
 }  // namespace
 
 FluidScene read_fluid_scene(Scene& scene, const std::string& role, Plan& plan) {
@@ -82,6 +86,9 @@ FluidScene read_fluid_scene(Scene& scene, const std::string& role, Plan& plan) {
           result.has_solid && coupling->text_or("scheme", "serial-implicit").ends_with("implicit");
     }
   }
+  if (auto output = root.table_if("output")) result.writes_frames = output->boolean_or("frames", true);
+  const auto recovery = root.table_if("recovery");
+  result.writes_checkpoints = result.mode == Mode::transient && !(recovery && never_saves(*recovery));
   auto fluid = root.table(role);
   fluid.leave_to_others({"solver", "connect", "threads"});
   read_sides(fluid, dimension, result);

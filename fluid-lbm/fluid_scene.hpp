@@ -79,7 +79,9 @@ struct FluidScene {
   bool has_grains = false;
   bool has_partner = false;      // the scene has other participants
   bool repeats_windows = false;  // iterations with a solid go back to the window's start
-  int ranks = 1;                 // processes that share the lattice
+  bool writes_frames = true;
+  bool writes_checkpoints = false;
+  int ranks = 1;  // processes that share the lattice
   Mode mode = Mode::transient;
   double window = 0;    // [s]; 0 in steady mode
   double end_time = 0;  // [s]; 0 when unknown

@@ -7,6 +7,20 @@
 
 namespace estuary::fluid {
 
+namespace {
+
+// What the first of several ranks needs for a file beyond its slab: the whole lattice.
+double bytes_for_files(const FluidScene& scene) {
+  if (scene.ranks == 1) return 0.0;
+  // `Flow::gather`: the slab's copy, the populations as they come in, and again without solid nodes.
+  const double checkpoint = 2 * Populations::memory_bytes(scene.flow.grid) +
+                            Populations::memory_bytes(scene.flow.grid) / scene.ranks;
+  const double frame = static_cast<double>(scene.flow.grid.size() * (scene.dimension() + 2)) * sizeof(double);
+  return std::max(scene.writes_checkpoints ? checkpoint : 0.0, scene.writes_frames ? frame : 0.0);
+}
+
+}  // namespace
+
 void fill_plan(const FluidScene& result, Plan& plan) {
   const Units& units = result.units;
   const Grid& grid = result.flow.grid;
@@ -57,7 +71,8 @@ void fill_plan(const FluidScene& result, Plan& plan) {
   plan.memory_bytes =
       Populations::memory_bytes(slab, result.flow.storage) +
       (result.repeats_windows ? Populations::memory_bytes(slab) : 0.0) +
-      nodes * (1 + 3 * 8 + (result.mode == Mode::steady ? 16 : 0) + (result.has_partner ? 8 : 0));
+      nodes * (1 + 3 * 8 + (result.mode == Mode::steady ? 16 : 0) + (result.has_partner ? 8 : 0)) +
+      bytes_for_files(result);
   if (result.mode == Mode::transient)
     plan.expected_updates = nodes * std::ceil(result.end_time / units.time_step);
   if (!result.has_solid) plan.left_out.emplace_back("moving wet surface: no solid in the scene");

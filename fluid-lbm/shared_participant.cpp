@@ -14,12 +14,15 @@ void send_call(Ranks& ranks, Call call) {
   (void)as_first_rank(&ranks, call);
 }
 
-// From the first rank to the others, who get it back.
 std::string tell(Ranks& ranks, std::string text) {
   text.resize(as_first_rank(&ranks, text.size()));
-  // In pieces: a size in bytes of what broadcasts may exceed what an int holds.
   if (!text.empty()) ranks.broadcast(0, std::as_writable_bytes(std::span(text)));
   return text;
+}
+
+void wait_for_all(Ranks& ranks) {
+  std::uint64_t nothing = 0;
+  ranks.combine({&nothing, 1});
 }
 
 // What went wrong, when it did so on one rank only; nothing when all ranks have seen the same.
@@ -47,18 +50,28 @@ void carry_out(const Carry& carry, const EndAll& end_all, bool rethrow) {
 
 }  // namespace
 
-SharedParticipant::SharedParticipant(std::unique_ptr<Participant> own, Ranks& ranks, EndAll end_all)
-    : own_(std::move(own)), ranks_(ranks), end_all_(std::move(end_all)) {}
+SharedParticipant::SharedParticipant(std::unique_ptr<Participant> own, Ranks& ranks, EndAll end_all,
+                                     const std::optional<std::filesystem::path>& files_below)
+    : own_(std::move(own)),
+      ranks_(ranks),
+      end_all_(std::move(end_all)),
+      files_below_(files_below ? files_below->string() : std::string{}) {}
 
 SharedParticipant::~SharedParticipant() {
   if (!stopped_) send_call(ranks_, Call::stop);
 }
 
+// The others hear of a scene that the first rank has found nothing wrong with. They find nothing either, or
+// all end: a file that is on the first rank's machine alone, for one.
 Plan SharedParticipant::configure(Scene& scene, const std::string& role) {
+  Plan plan = own_->configure(scene, role);
+  if (!scene.problems().empty()) return plan;
   send_call(ranks_, Call::configure);
   tell(ranks_, scene.as_run());
   tell(ranks_, role);
-  return own_->configure(scene, role);
+  tell(ranks_, files_below_);
+  wait_for_all(ranks_);
+  return plan;
 }
 
 v1::Exchange SharedParticipant::start(const v1::Exchange& initial, const std::filesystem::path& folder) {
@@ -91,23 +104,35 @@ AdvanceResult SharedParticipant::advance(const Window& window, const v1::Exchang
 
 void SharedParticipant::accept() {
   send_call(ranks_, Call::accept);
-  own_->accept();
+  carry_out([&] { own_->accept(); }, end_all_, true);
 }
 
-// Files are the first rank's, after all have given it what belongs there: an error of it is not theirs.
+// Files are the first rank's, after all have given it what belongs there: an error of it is not theirs. But
+// memory may end before that, where the whole lattice comes together, and the others then wait for ever.
+template <class Carry>
+void SharedParticipant::with_files(const Carry& carry) {
+  try {
+    carry();
+  } catch (const std::bad_alloc&) {
+    end_all_("out of memory, where the first rank holds the whole lattice for a file");
+  }
+}
+
 void SharedParticipant::save(const std::filesystem::path& file) {
   send_call(ranks_, Call::save);
-  own_->save(file);
+  with_files([&] { own_->save(file); });
 }
 
 void SharedParticipant::load(const std::filesystem::path& file) {
   send_call(ranks_, Call::load);
-  own_->load(file);
+  with_files([&] { own_->load(file); });
 }
 
 std::vector<std::string> SharedParticipant::frame(std::uint64_t number, double time) {
   send_call(ranks_, Call::frame);
-  return own_->frame(number, time);
+  std::vector<std::string> files;
+  with_files([&] { files = own_->frame(number, time); });
+  return files;
 }
 
 void SharedParticipant::stop() {
@@ -128,8 +153,14 @@ void follow_first_rank(Participant& participant, Ranks& ranks, const EndAll& end
             case Call::configure: {
               const std::string text = tell(ranks, {});
               const std::string role = tell(ranks, {});
+              const std::string files_below = tell(ranks, {});
               scene.emplace(Scene::parse(text, "scene"));
+              if (!files_below.empty()) scene->confine_files(files_below);
               if (scene->problems().empty()) (void)participant.configure(*scene, role);
+              if (!scene->problems().empty())
+                end_all(fmt::format("finds a problem in the scene that the first rank does not: {}",
+                                    scene->problems().front().message));
+              wait_for_all(ranks);
               break;
             }
             case Call::start: {

@@ -7,7 +7,10 @@
 // ends all processes, and the coupler sees a participant that was lost, with this line.
 #pragma once
 
+#include <filesystem>
 #include <functional>
+#include <optional>
+#include <string>
 
 #include "participant.hpp"
 #include "ranks.hpp"
@@ -20,7 +23,9 @@ using EndAll = std::function<void(const std::string& why)>;
 /// The first rank's: tells the others of every call before it carries it out.
 class SharedParticipant : public Participant {
 public:
-  SharedParticipant(std::unique_ptr<Participant> own, Ranks& ranks, EndAll end_all);
+  /// `files_below`: the only folder whose files a scene may name, where it comes over the network.
+  SharedParticipant(std::unique_ptr<Participant> own, Ranks& ranks, EndAll end_all,
+                    const std::optional<std::filesystem::path>& files_below);
   ~SharedParticipant() override;
 
   void report_to(ProgressBoard& board) override { own_->report_to(board); }
@@ -36,12 +41,14 @@ public:
   void stop() override;
 
 private:
-  template <class Call>
-  auto together(const Call& call);
+  // Carries out a call that files belong to.
+  template <class Carry>
+  void with_files(const Carry& carry);
 
   std::unique_ptr<Participant> own_;
   Ranks& ranks_;
   EndAll end_all_;
+  std::string files_below_;  // empty: files may lie anywhere
   bool stopped_ = false;
 };
 

@@ -2,7 +2,7 @@
 one rank, to the last bit.
 
 usage: ranks_test.py BUILD SOURCE [TestCase[.test]...]"""
-import csv, filecmp, os, pathlib, shutil, signal, subprocess, sys, tempfile, time, unittest
+import csv, filecmp, os, pathlib, shutil, signal, socket, subprocess, sys, tempfile, time, unittest
 
 BUILD, SOURCE = (pathlib.Path(path).resolve() for path in sys.argv[1:3])
 BIN = BUILD / "bin"
@@ -277,6 +277,12 @@ class Plane(Case):
     def test_wet_surface_and_repeated_windows(self):
         self.compare(SPRING, but=GHOSTS)
 
+    def test_the_program_of_ranks_as_one_process(self):
+        scene = self.write(SPRING)
+        self.run_scene(scene, "alone", 1)
+        self.run_scene(scene, "one rank", 1, "--set", 'fluid.solver="fluid-lbm-mpi"')
+        self.expect_same("one rank", "alone")
+
     def test_fin_beside_a_polygon(self):
         self.compare(FIN.replace("spacing = 0.02 ", "spacing = 0.025 ").replace("end_time = 12.0", "end_time = 0.1"))
 
@@ -312,6 +318,44 @@ class Picture(Case):
     def test_pores(self):
         text = (SOURCE / "configs/fluid/rabbit-bone.toml").read_text().replace("tolerance = 1e-6", "tolerance = 0.1")
         self.compare(text, 2)
+
+    def over_the_network(self, picture):
+        """A run with ranks that somebody else started: the scene may name files of their working folder only, and they run in another."""
+        text = (SOURCE / "configs/fluid/rabbit-bone.toml").read_text().replace("tolerance = 1e-6", "tolerance = 0.1")
+        scene = self.write(text.replace("configs/fluid/trabecular-bone.png", picture))
+        with socket.socket() as free:
+            free.bind(("127.0.0.1", 0))
+            address = f"tcp://127.0.0.1:{free.getsockname()[1]}"
+        work = self.folder / "work"
+        work.mkdir()
+        shutil.copy(SOURCE / "configs/fluid/trabecular-bone.png", work / "bone.png")
+        with open(self.folder / "ranks.log", "w+") as log:
+            ranks = subprocess.Popen(["mpirun", "-n", "2", "--oversubscribe", "--bind-to", "none", BIN / "fluid-lbm-mpi", "--bind", address,
+                                      f"--folder={work}", "--threads=1"], cwd="/", stdout=log, stderr=log)
+            try:
+                done = subprocess.run([BIN / "coupler", "run", scene, "--out", self.folder / "shared", "--no-report", "--set",
+                                       f'fluid.connect="{address}"', "--set", "fluid.ranks=2"], cwd=SOURCE, capture_output=True, text=True, timeout=60)
+                if done.returncode == 0:
+                    ranks.wait(timeout=20)
+            finally:
+                ranks.terminate()
+                ranks.wait(timeout=20)
+            log.seek(0)
+            done.all = done.stdout + done.stderr + log.read()
+        return done
+
+    def test_a_picture_in_the_working_folder(self):
+        done = self.over_the_network("bone.png")
+        self.assertEqual(done.returncode, 0, done.all)
+        alone = (self.folder / "scene.toml").read_text().replace("bone.png", str(self.folder / "work/bone.png"), 1)
+        self.run_scene(self.write(alone), "alone", 1)
+        for name in ("flow", "inlet"):
+            self.assertEqual(*((self.folder / run / f"watch/{name}.csv").read_bytes() for run in ("shared", "alone")), name)
+
+    def test_a_picture_outside_of_it(self):
+        done = self.over_the_network(str(SOURCE / "configs/fluid/trabecular-bone.png"))
+        self.assertEqual(done.returncode, 2, done.all)
+        self.assertIn("is not in the working folder", done.all)
 
 
 class GoingOn(Case):
@@ -370,6 +414,13 @@ class Refused(Case):
     def test_grains_on_several_ranks(self):
         text = WithGrains.grains(self, "interpolated").replace("[grains]", "[grains]\nranks = 2")
         self.refused(text, "only the fluid is shared among ranks")
+
+    def test_a_solver_of_somebody_else(self):
+        self.refused(SPRING.replace("[fluid]", '[fluid]\nranks = 2\nsolver = "python3 my.py"'), "only fluid-lbm is shared among ranks")
+
+    def test_one_task_of_slurm(self):
+        host = '[hosts.fluid]\nlaunch = "slurm"\naddress = "tcp://node1:7000"\nfolder = "/tmp"\n'
+        self.refused(SPRING.replace("[fluid]", host + "[fluid]\nranks = 2"), "ranks need one each")
 
     def test_a_fluid_that_runs_alone(self):
         """Launched by hand, without mpirun."""
