@@ -68,7 +68,10 @@ v1::Exchange Fluid::start(const v1::Exchange& initial, const std::filesystem::pa
                     std::all_of(scene_.body_force.begin(), scene_.body_force.end(),
                                 [](const Expression& force) { return force.constant_in_time(); });
   flow_ = make_flow();
-  if (ranks_ != nullptr) expect_same_pictures();
+  if (ranks_ != nullptr) {
+    expect_same_pictures();
+    looked_at_ = nodes_of_watches(scene_, flow_->grid());
+  }
   output_ = std::make_unique<Output>(folder);
   if (!scene_.obstacle_connectivity.empty()) {
     flow_->set_obstacles(scene_.obstacle_positions.size() / 2, scene_.obstacle_connectivity,
@@ -225,7 +228,7 @@ AdvanceResult Fluid::result() {
   if (grains_.active())
     grains_.write(grain_loads(), scene_.grain_method == GrainMethod::partially_saturated, advanced.outputs);
   if (watches_need_fields(scene_)) evaluate_fields();
-  advanced.watches = evaluate_watches(scene_, fields_, *flow_, end_time_, total, ranks_);
+  advanced.watches = evaluate_watches(scene_, fields_, *flow_, end_time_, total, ranks_, looked_at_);
   advanced.work = {.steps = steps_,
                    .updates = updates_,
                    .bytes_per_update = flow_->bytes_per_update(),

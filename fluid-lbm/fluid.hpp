@@ -90,6 +90,7 @@ private:
   double end_time_ = 0;
   WetLoad wet_load_;
   bool wet_load_stale_ = true;
+  std::vector<std::vector<Node>> looked_at_;  // by watches, where ranks share the grid
   Fields fields_;
   bool fields_current_ = false;
   std::vector<double> pressure_;  // lattice units

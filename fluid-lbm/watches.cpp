@@ -101,14 +101,19 @@ std::vector<Node> nodes_around(const Grid& grid, const WatchRequest& watch) {
   const auto to = line ? to_lattice(grid, watch.points.data() + components) : from;
   const int samples = line ? watch.samples : 1;
   std::vector<std::size_t> found;
+  std::array<int, 3> cell_before{};
   for (int n = 0; n < samples; ++n) {
     const double fraction = samples > 1 ? static_cast<double>(n) / (samples - 1) : 0.0;
+    std::array<int, 3> cell{};
+    for (std::size_t axis = 0; axis < components; ++axis)
+      cell[axis] = static_cast<int>(std::floor(from[axis] + fraction * (to[axis] - from[axis])));
+    if (n > 0 && cell == cell_before) continue;
+    cell_before = cell;
     constexpr int reach = 4;  // a polynomial's four nodes, one-sided, and one spacing
     std::array<std::vector<int>, 3> along{{{0}, {0}, {0}}};
     for (std::size_t axis = 0; axis < components; ++axis) {
       along[axis].clear();
-      const int at = static_cast<int>(std::floor(from[axis] + fraction * (to[axis] - from[axis])));
-      for (int k = at - reach; k <= at + reach + 1; ++k) {
+      for (int k = cell[axis] - reach; k <= cell[axis] + reach + 1; ++k) {
         const int inside = periodic[axis] ? (k % counts[axis] + counts[axis]) % counts[axis] : k;
         if (inside >= 0 && inside < counts[axis]) along[axis].push_back(inside);
       }
@@ -315,14 +320,24 @@ bool watches_need_fields(const FluidScene& scene) {
                      [](const WatchRequest& watch) { return watch.kind != WatchRequest::Kind::obstacle; });
 }
 
+std::vector<std::vector<Node>> nodes_of_watches(const FluidScene& scene, const Grid& grid) {
+  std::vector<std::vector<Node>> nodes(scene.watches.size());
+  for (std::size_t n = 0; n < nodes.size(); ++n) {
+    const WatchRequest& watch = scene.watches[n];
+    if (watch.kind == WatchRequest::Kind::point || watch.kind == WatchRequest::Kind::line)
+      nodes[n] = nodes_around(grid, watch);
+  }
+  return nodes;
+}
+
 std::vector<WatchValues> evaluate_watches(const FluidScene& scene, Fields& fields, const Flow& flow,
-                                          double time, const BodyLoad& force, Ranks* ranks) {
+                                          double time, const BodyLoad& force, Ranks* ranks,
+                                          const std::vector<std::vector<Node>>& looked_at) {
   std::vector<WatchValues> result;
-  for (const WatchRequest& watch : scene.watches) {
+  for (std::size_t n = 0; n < scene.watches.size(); ++n) {
+    const WatchRequest& watch = scene.watches[n];
     WatchValues values{watch.name, {}};
-    const bool sampled = watch.kind == WatchRequest::Kind::point || watch.kind == WatchRequest::Kind::line;
-    if (ranks != nullptr && sampled)
-      share_fields(ranks, flow.grid(), nodes_around(flow.grid(), watch), fields);
+    if (ranks != nullptr && !looked_at[n].empty()) share_fields(ranks, flow.grid(), looked_at[n], fields);
     switch (watch.kind) {
       case WatchRequest::Kind::point:
         evaluate_point(scene, watch, fields, flow, values);

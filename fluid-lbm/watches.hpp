@@ -29,9 +29,12 @@ namespace estuary::fluid {
 ///           and solid) [m/s], force_x, ...: on all that is fixed and the wet surface [N, N/m]; with an exact
 ///           velocity velocity_error (relative L2) and largest_velocity_error (over the largest exact one)
 /// `fields` are looked at only when `watches_need_fields`. Where ranks share the grid all call this; `fields`
-/// then learn of nodes of other ranks that a watch looks at.
+/// then learn of nodes of other ranks that a watch looks at: `looked_at` as `nodes_of_watches` gives them.
 std::vector<WatchValues> evaluate_watches(const FluidScene& scene, Fields& fields, const Flow& flow,
-                                          double time, const BodyLoad& force, Ranks* ranks = nullptr);
+                                          double time, const BodyLoad& force, Ranks* ranks = nullptr,
+                                          const std::vector<std::vector<Node>>& looked_at = {});
+/// Of each watch the nodes that it may look at, in order; none for those that are no point and no line.
+[[nodiscard]] std::vector<std::vector<Node>> nodes_of_watches(const FluidScene& scene, const Grid& grid);
 [[nodiscard]] bool watches_need_fields(const FluidScene& scene);
 
 }  // namespace estuary::fluid
