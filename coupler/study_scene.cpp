@@ -1,7 +1,6 @@
 #include "study_scene.hpp"
 
 #include <fmt/format.h>
-#include <toml++/toml.h>
 
 #include <algorithm>
 #include <array>
@@ -12,6 +11,7 @@
 
 #include "study_expression.hpp"
 #include "study_grid.hpp"
+#include "toml.hpp"
 
 namespace estuary::coupler {
 namespace {

@@ -4,8 +4,8 @@
 #include <zlib.h>
 
 #include <fstream>
+#include <memory>
 #include <stdexcept>
-#include <vector>
 
 namespace estuary {
 
@@ -16,13 +16,14 @@ std::uint32_t crc32_of(const void* data, std::size_t size) {
 FileSum sum_of_file(const std::filesystem::path& file) {
   std::ifstream stream(file, std::ios::binary);
   if (!stream) throw std::runtime_error(fmt::format("{}: cannot be read", file.string()));
-  std::vector<char> piece(std::size_t{1} << 20);
+  constexpr std::size_t most = std::size_t{1} << 16;
+  const auto piece = std::make_unique_for_overwrite<char[]>(most);
   FileSum sum;
   uLong crc = ::crc32_z(0, nullptr, 0);
   while (stream) {
-    stream.read(piece.data(), static_cast<std::streamsize>(piece.size()));
+    stream.read(piece.get(), std::streamsize{most});
     const auto count = static_cast<std::size_t>(stream.gcount());
-    crc = ::crc32_z(crc, reinterpret_cast<const Bytef*>(piece.data()), count);
+    crc = ::crc32_z(crc, reinterpret_cast<const Bytef*>(piece.get()), count);
     sum.bytes += count;
   }
   if (stream.bad()) throw std::runtime_error(fmt::format("{}: cannot be read to its end", file.string()));

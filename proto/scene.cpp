@@ -282,8 +282,7 @@ Scene Scene::parse(std::string_view text, std::string_view name, std::span<const
          {.message = fmt::format("the scene has {} bytes; at most {} are read", text.size(), largest_text)});
     return scene;
   }
-  // TOML has none of them, and the library that reads it takes some for granted: a code 0 in the name of a
-  // table ends a program that was built with its assertions.
+  // TOML has none of them, and the library that reads it says of most only that something else was expected.
   if (const auto at = text.find_first_of(control_characters); at != std::string_view::npos) {
     const std::string_view before = text.substr(0, at);
     const auto line_begin = before.rfind('\n') + 1;  // 0 when there is none

@@ -1,10 +1,10 @@
 // Inside of the scene reader: changes to a scene that were given on the command line.
 #pragma once
 
-#include <toml++/toml.h>
-
 #include <stdexcept>
 #include <string>
+
+#include "toml.hpp"
 
 namespace estuary::detail {
 

@@ -2,8 +2,6 @@
 // is wrong, with its place, and gives back something to go on with.
 #pragma once
 
-#include <toml++/toml.h>
-
 #include <map>
 #include <memory>
 #include <optional>
@@ -13,6 +11,7 @@
 #include <vector>
 
 #include "scene.hpp"
+#include "toml.hpp"
 
 namespace estuary::detail {
 

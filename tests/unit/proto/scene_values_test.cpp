@@ -104,6 +104,12 @@ TEST(SceneProblems, OfControlCharactersSayWhere) {
               ElementsAre(HasSubstr("control character")));
 }
 
+// An assertion of that library, where it would have said what is wrong.
+TEST(SceneProblems, OfNamesOfTablesThatAreNoneSayWhere) {
+  for (const std::string text : {"x = 1\n[(oli]\n", "x = 1\n[[=]]\n", "x = 1\n[.a]\n"})
+    EXPECT_THAT(described(Scene::parse(text, "s")), ElementsAre(HasSubstr("s:2:"))) << text;
+}
+
 TEST(SceneProblems, OfTypesSayWhatWasFoundAndExpectedAndWhere) {
   auto scene = Scene::parse(R"(title = 3
 number = "abc"
