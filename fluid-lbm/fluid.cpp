@@ -48,9 +48,7 @@ std::unique_ptr<Flow> Fluid::make_flow() const {
   } catch (const std::bad_alloc&) {
     flow.reset();
   }
-  std::uint64_t lacking = flow ? 0 : 1;
-  ranks_->combine({&lacking, 1});
-  if (lacking != 0) throw LackOfMemory();
+  if (ranks_->any(flow == nullptr)) throw LackOfMemory();
   return flow;
 }
 

@@ -81,4 +81,11 @@ struct Grid {
   }
 };
 
+/// The image of `at` among `count` nodes of an axis, however far away it is; -1 where there is none.
+inline int image_inside(int at, int count, bool periodic) {
+  if (!periodic) return at >= 0 && at < count ? at : -1;
+  const int wrapped = at % count;
+  return wrapped < 0 ? wrapped + count : wrapped;
+}
+
 }  // namespace estuary::fluid

@@ -81,10 +81,11 @@ void MpiRanks::broadcast(int from, std::span<std::byte> bytes) {
   in_pieces(bytes, [&](std::byte* at, int size) { MPI_Bcast(at, size, MPI_BYTE, from, MPI_COMM_WORLD); });
 }
 
-void MpiRanks::combine(std::span<std::uint64_t> words) {
-  for (std::size_t begin = 0; begin < words.size(); begin += most_at_once / sizeof(std::uint64_t)) {
-    const std::size_t size = std::min(most_at_once / sizeof(std::uint64_t), words.size() - begin);
-    MPI_Allreduce(MPI_IN_PLACE, words.data() + begin, static_cast<int>(size), MPI_UINT64_T, MPI_BOR,
+void MpiRanks::combine(std::span<double> values) {
+  static_assert(sizeof(double) == sizeof(std::uint64_t));
+  for (std::size_t begin = 0; begin < values.size(); begin += most_at_once / sizeof(double)) {
+    const std::size_t size = std::min(most_at_once / sizeof(double), values.size() - begin);
+    MPI_Allreduce(MPI_IN_PLACE, values.data() + begin, static_cast<int>(size), MPI_UINT64_T, MPI_BOR,
                   MPI_COMM_WORLD);
   }
 }

@@ -28,7 +28,7 @@ public:
   void send(int to, std::span<const std::byte> bytes) override;
   void receive(int from, std::span<std::byte> bytes) override;
   void broadcast(int from, std::span<std::byte> bytes) override;
-  void combine(std::span<std::uint64_t> words) override;
+  void combine(std::span<double> values) override;
 
 private:
   int rank_ = 0;

@@ -45,18 +45,19 @@ public:
   virtual void send(int to, std::span<const std::byte> bytes) = 0;
   virtual void receive(int from, std::span<std::byte> bytes) = 0;
   virtual void broadcast(int from, std::span<std::byte> bytes) = 0;
-  /// Gives every rank the bitwise or of all ranks' words.
-  virtual void combine(std::span<std::uint64_t> words) = 0;
+  /// Gives every rank the bitwise or of all ranks' values, taken as words of 64 bits.
+  virtual void combine(std::span<double> values) = 0;
+  /// Whether any rank says so; returns on all of them once the last has come here.
+  [[nodiscard]] bool any(bool here) {
+    double word = std::bit_cast<double>(std::uint64_t{here ? 1U : 0U});
+    combine({&word, 1});
+    return std::bit_cast<std::uint64_t>(word) != 0;
+  }
 };
 
 /// Values that one rank each knows, the others having +0 there: every rank gets all, bit for bit.
 inline void share(Ranks* ranks, std::span<double> values) {
-  static_assert(sizeof(double) == sizeof(std::uint64_t));
-  if (ranks == nullptr || values.empty()) return;
-  std::vector<std::uint64_t> words(values.size());
-  for (std::size_t k = 0; k < values.size(); ++k) words[k] = std::bit_cast<std::uint64_t>(values[k]);
-  ranks->combine(words);
-  for (std::size_t k = 0; k < values.size(); ++k) values[k] = std::bit_cast<double>(words[k]);
+  if (ranks != nullptr && !values.empty()) ranks->combine(values);
 }
 
 /// Calls `add_own(sums)` on one rank after the other, each going on with the sums of the rank before, so that

@@ -10,12 +10,6 @@ namespace {
 // Rounding allowance for a node on the wall.
 constexpr double tolerance = 1e-9;
 
-int image(int at, int count, bool periodic) {
-  if (!periodic) return at >= 0 && at < count ? at : -1;
-  const int wrapped = at % count;
-  return wrapped < 0 ? wrapped + count : wrapped;
-}
-
 void add_run(std::vector<Span>& row, int begin, int end, int count, bool periodic) {
   if (!periodic) {
     begin = std::max(begin, 0);
@@ -27,7 +21,7 @@ void add_run(std::vector<Span>& row, int begin, int end, int count, bool periodi
     row.push_back({0, count});
     return;
   }
-  const int from = image(begin, count, true);
+  const int from = image_inside(begin, count, true);
   const int to = from + (end - begin);
   row.push_back({from, std::min(to, count)});
   if (to > count) row.push_back({0, to - count});
@@ -101,12 +95,12 @@ void RoundBodies::mark(Cells& cells, RoundMove& move) {
     const int z_first = components == 3 ? static_cast<int>(std::ceil(cz - r)) : 0;
     const int z_last = components == 3 ? static_cast<int>(std::floor(cz + r)) : 0;
     for (int z = z_first; z <= z_last; ++z) {
-      const int k = components == 3 ? image(z, grid_.nz, grid_.periodic_z) : 0;
+      const int k = components == 3 ? image_inside(z, grid_.nz, grid_.periodic_z) : 0;
       if (k < 0) continue;
       const double square_z = components == 3 ? (z - cz) * (z - cz) : 0.0;
       for (int y = static_cast<int>(std::ceil(centre[1] - r));
            y <= static_cast<int>(std::floor(centre[1] + r)); ++y) {
-        const int j = image(y, grid_.ny, grid_.periodic_y);
+        const int j = image_inside(y, grid_.ny, grid_.periodic_y);
         const double square = r * r - square_z - (y - centre[1]) * (y - centre[1]);
         if (j < 0 || square < 0) continue;
         const double half = std::sqrt(square);
@@ -135,15 +129,15 @@ void RoundBodies::find_links(const Cells& cells, const Populations& layout) {
     const int z_first = components == 3 ? static_cast<int>(std::ceil(cz - reach)) : 0;
     const int z_last = components == 3 ? static_cast<int>(std::floor(cz + reach)) : 0;
     for (int z = z_first; z <= z_last; ++z) {
-      const int k = components == 3 ? image(z, grid_.nz, grid_.periodic_z) : 0;
+      const int k = components == 3 ? image_inside(z, grid_.nz, grid_.periodic_z) : 0;
       if (k < 0) continue;
       for (int y = static_cast<int>(std::ceil(centre[1] - reach));
            y <= static_cast<int>(std::floor(centre[1] + reach)); ++y) {
-        const int j = image(y, grid_.ny, grid_.periodic_y);
+        const int j = image_inside(y, grid_.ny, grid_.periodic_y);
         if (j < 0) continue;
         for (int x = static_cast<int>(std::ceil(centre[0] - reach));
              x <= static_cast<int>(std::floor(centre[0] + reach)); ++x) {
-          const int i = image(x, grid_.nx, grid_.periodic_x);
+          const int i = image_inside(x, grid_.nx, grid_.periodic_x);
           if (i < 0 || !cells.fluid(i, j, k)) continue;
           const std::array<double, 3> d{x - centre[0], y - centre[1], components == 3 ? z - cz : 0.0};
           const double beyond = d[0] * d[0] + d[1] * d[1] + d[2] * d[2] - r * r;

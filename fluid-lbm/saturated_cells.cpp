@@ -8,13 +8,6 @@
 namespace estuary::fluid {
 namespace {
 
-// The periodic image inside the grid, or -1.
-int image(int at, int count, bool periodic) {
-  if (!periodic) return at >= 0 && at < count ? at : -1;
-  const int wrapped = at % count;
-  return wrapped < 0 ? wrapped + count : wrapped;
-}
-
 // How far covered cells turn the momentum that reaches them, relative to the grain: all of it back is 2, and
 // rings for ever between cells; 1 leaves none, and lets density diffuse through the grain at 1/6. In between
 // rings die by 0.8 per step, and the leak is a ninth.
@@ -79,11 +72,11 @@ void SaturatedCells::find_covers(const Cells& cells) {
     const Range ys = reach(centre[1], radius, grid_.ny, grid_.periodic_y);
     const Range zs = dimension == 3 ? reach(cz, radius, grid_.nz, grid_.periodic_z) : Range{0, 1};
     for (int z = zs.begin; z < zs.end; ++z) {
-      const int k = dimension == 3 ? image(z, grid_.nz, grid_.periodic_z) : 0;
+      const int k = dimension == 3 ? image_inside(z, grid_.nz, grid_.periodic_z) : 0;
       for (int y = ys.begin; y < ys.end; ++y) {
-        const int j = image(y, grid_.ny, grid_.periodic_y);
+        const int j = image_inside(y, grid_.ny, grid_.periodic_y);
         for (int x = xs.begin; x < xs.end; ++x) {
-          const int i = image(x, grid_.nx, grid_.periodic_x);
+          const int i = image_inside(x, grid_.nx, grid_.periodic_x);
           if (!cells.fluid(i, j, k)) continue;
           const std::array<double, 3> arm{x - centre[0], y - centre[1], dimension == 3 ? z - cz : 0.0};
           const double fraction = dimension == 3 ? sphere_fraction(arm[0], arm[1], arm[2], radius)
@@ -134,6 +127,7 @@ void SaturatedCells::gather_cells() {
   }
   kept_.resize(cells_.size() * static_cast<std::size_t>(lattice_of_dimension(grains_.dimension).count));
   push_.assign(3 * covers_.size(), 0.0);
+  if (ranks_ != nullptr) find_owners();
 }
 
 void SaturatedCells::keep(const Populations& populations, Parity parity) {
@@ -178,6 +172,24 @@ void SaturatedCells::add_pushes(std::size_t grain, double* force, double* torque
   }
 }
 
+void SaturatedCells::find_owners() {
+  owner_of_grain_.assign(grains_.count(), -1);
+  std::size_t shared = 0;
+  for (std::size_t grain = 0; grain < grains_.count(); ++grain) {
+    const std::size_t first = first_of_grain_[grain];
+    const std::size_t past = first_of_grain_[grain + 1];
+    if (first == past) continue;
+    const auto owner_of = [&](std::size_t n) { return grid_.owner(covers_[n].node.y, covers_[n].node.z); };
+    std::int32_t& owner = owner_of_grain_[grain];
+    owner = owner_of(first);
+    for (std::size_t n = first; n < past && owner >= 0; ++n)
+      if (owner_of(n) != owner) owner = -1;
+    if (owner < 0) shared += past - first;
+  }
+  const std::size_t entries = grains_.dimension == 3 ? 6 : 3;
+  of_step_.resize(entries * grains_.count() + 3 * shared);
+}
+
 // A grain whose covered cells are all one rank's is added up there; of the others the pushes are shared, so
 // that every rank adds them up in their order.
 void SaturatedCells::share_pushes() {
@@ -186,40 +198,30 @@ void SaturatedCells::share_pushes() {
   const std::size_t dimension = space ? 3 : 2;
   const std::int32_t own = ranks_->rank();
   const std::size_t count = grains_.count();
-  std::vector<std::int32_t> owner(count, -1);  // -1: none or several
-  std::vector<double> values(entries * count, 0.0);
-  const auto add_up = [&](std::size_t grain, double* to) {
+  const auto add_up = [&](std::size_t grain) {
+    double* const to = &of_step_[entries * grain];
     if (space) {
       add_pushes<3>(grain, to, to + dimension);
     } else {
       add_pushes<2>(grain, to, to + dimension);
     }
   };
-  const auto owner_of = [&](std::size_t n) { return grid_.owner(covers_[n].node.y, covers_[n].node.z); };
+  std::fill(of_step_.begin(), of_step_.end(), 0.0);
+  double* push = of_step_.data() + entries * count;
   for (std::size_t grain = 0; grain < count; ++grain) {
-    const std::size_t first = first_of_grain_[grain];
-    const std::size_t past = first_of_grain_[grain + 1];
-    if (first == past) continue;
-    owner[grain] = owner_of(first);
-    for (std::size_t n = first; n < past && owner[grain] >= 0; ++n)
-      if (owner_of(n) != owner[grain]) owner[grain] = -1;
-    if (owner[grain] == own) add_up(grain, &values[entries * grain]);
-    if (owner[grain] >= 0) continue;
-    for (std::size_t n = first; n < past; ++n) {
-      const bool mine = owner_of(n) == own;
-      for (std::size_t axis = 0; axis < 3; ++axis) values.push_back(mine ? push_[3 * n + axis] : 0.0);
-    }
+    if (owner_of_grain_[grain] == own) add_up(grain);
+    if (owner_of_grain_[grain] >= 0) continue;
+    for (std::size_t n = first_of_grain_[grain]; n < first_of_grain_[grain + 1]; ++n, push += 3)
+      if (grid_.owner(covers_[n].node.y, covers_[n].node.z) == own) std::copy_n(&push_[3 * n], 3, push);
   }
-  share(ranks_, values);
-  const double* push = values.data() + entries * count;
-  of_step_.assign(values.begin(), values.begin() + static_cast<std::ptrdiff_t>(entries * count));
+  share(ranks_, of_step_);
+  push = of_step_.data() + entries * count;
   for (std::size_t grain = 0; grain < count; ++grain) {
-    if (owner[grain] >= 0) continue;
-    const std::size_t values_of_grain = 3 * (first_of_grain_[grain + 1] - first_of_grain_[grain]);
-    std::copy_n(push, values_of_grain,
-                push_.begin() + static_cast<std::ptrdiff_t>(3 * first_of_grain_[grain]));
-    push += values_of_grain;
-    add_up(grain, &of_step_[entries * grain]);
+    if (owner_of_grain_[grain] >= 0) continue;
+    const std::size_t values = 3 * (first_of_grain_[grain + 1] - first_of_grain_[grain]);
+    std::copy_n(push, values, push_.begin() + static_cast<std::ptrdiff_t>(3 * first_of_grain_[grain]));
+    push += values;
+    add_up(grain);
   }
 }
 

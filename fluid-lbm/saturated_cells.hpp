@@ -96,6 +96,7 @@ private:
   [[nodiscard]] std::array<double, 3> velocity_at(const Cover& cover) const;
   void find_covers(const Cells& cells);
   void gather_cells();
+  void find_owners();
   // Pushes of all ranks on the grains that several of them see.
   void share_pushes();
   // Force and torque on a grain in this step, from its pushes.
@@ -104,7 +105,9 @@ private:
 
   Grid grid_;
   Ranks* ranks_;
-  std::vector<double> of_step_;  // where ranks share the grid: force and torque on each grain
+  // Where ranks share the grid: force and torque on each grain, then the pushes on those of several ranks.
+  std::vector<double> of_step_;
+  std::vector<std::int32_t> owner_of_grain_;  // rank of all its cells; -1: none or several
   Grains grains_;
   bool placed_ = false;
   std::vector<std::vector<Cover>> of_grain_;

@@ -183,21 +183,21 @@ void WetLoad::build(const Surface& surface, const Cells& cells) {
   }
 }
 
-std::vector<double> WetLoad::shared_populations(const Populations& populations, Ranks* ranks) const {
-  if (ranks == nullptr) return {};
-  std::vector<double> values(D2Q9::count * supports_.size(), 0.0);
+void WetLoad::share_populations(const Populations& populations, Ranks* ranks) {
+  shared_.clear();
+  if (ranks == nullptr) return;
+  shared_.assign(D2Q9::count * supports_.size(), 0.0);
   for (std::size_t k = 0; k < supports_.size(); ++k) {
     if (!populations.owns(supports_[k].node.y)) continue;
     const auto f = reaching(populations, supports_[k].node);
-    std::copy(f.begin(), f.end(), values.begin() + static_cast<std::ptrdiff_t>(f.size() * k));
+    std::copy(f.begin(), f.end(), shared_.begin() + static_cast<std::ptrdiff_t>(f.size() * k));
   }
-  share(ranks, values);
-  return values;
+  share(ranks, shared_);
 }
 
 void WetLoad::evaluate(const Populations& populations, EquilibriumModel model, Rates rates,
-                       std::vector<double>& pressure, std::vector<double>* traction, Ranks* ranks) const {
-  const std::vector<double> shared = shared_populations(populations, ranks);
+                       std::vector<double>& pressure, std::vector<double>* traction, Ranks* ranks) {
+  share_populations(populations, ranks);
   const std::size_t nodes = first_.size() - 1;
   pressure.assign(nodes, 0.0);
   if (traction != nullptr) traction->assign(2 * nodes, 0.0);
@@ -209,10 +209,10 @@ void WetLoad::evaluate(const Populations& populations, EquilibriumModel model, R
     for (std::size_t k = first_[n]; k < first_[n + 1]; ++k) {
       const Support& s = supports_[k];
       std::array<double, D2Q9::count> f;
-      if (shared.empty()) {
+      if (shared_.empty()) {
         f = reaching(populations, s.node);
       } else {
-        std::copy_n(shared.begin() + static_cast<std::ptrdiff_t>(f.size() * k), f.size(), f.begin());
+        std::copy_n(shared_.begin() + static_cast<std::ptrdiff_t>(f.size() * k), f.size(), f.begin());
       }
       const Moments m = moments_of<D2Q9>(f);
       pressure[n] += s.weight * D2Q9::sound_speed_squared * m.excess;

@@ -36,7 +36,7 @@ public:
   /// Lattice units; one value per wet node, traction two. `traction` may be null. Populations with boundary
   /// rules applied.
   void evaluate(const Populations& populations, EquilibriumModel equilibrium, Rates rates,
-                std::vector<double>& pressure, std::vector<double>* traction, Ranks* ranks = nullptr) const;
+                std::vector<double>& pressure, std::vector<double>* traction, Ranks* ranks = nullptr);
   [[nodiscard]] const WetLoadCounts& counts() const { return counts_; }
 
 private:
@@ -59,7 +59,7 @@ private:
   void find_visible(const Surface& surface, const Cells& cells, const WetNode& wet);
   bool find_nearest(const Surface& surface, const Cells& cells, const WetNode& wet);
   // The populations that reach the supports' nodes, one support after another, of whichever rank they are.
-  [[nodiscard]] std::vector<double> shared_populations(const Populations& populations, Ranks* ranks) const;
+  void share_populations(const Populations& populations, Ranks* ranks);
   bool fit_linear();
   void fit_mean();
 
@@ -68,6 +68,7 @@ private:
   std::vector<Support> supports_;   // of all wet nodes, one after another
   std::vector<std::size_t> first_;  // of each wet node, and one past the last
   std::vector<double> normals_;
+  std::vector<double> shared_;  // what `share_populations` gathered; empty without ranks
   WetLoadCounts counts_;
 };
 

@@ -68,7 +68,10 @@ std::vector<Corner> corners_of(const std::string& bytes) {
 TriangleMesh read_stl(const std::filesystem::path& file) {
   std::ifstream in(file, std::ios::binary);
   if (!in) throw std::invalid_argument(fmt::format("cannot read the mesh '{}'", file.string()));
-  const std::string bytes{std::istreambuf_iterator<char>(in), {}};
+  return stl_of({std::istreambuf_iterator<char>(in), {}}, file);
+}
+
+TriangleMesh stl_of(const std::string& bytes, const std::filesystem::path& file) {
   TriangleMesh mesh;
   try {
     const std::vector<Corner> corners = corners_of(bytes);

@@ -3,6 +3,7 @@
 
 #include <cstdint>
 #include <filesystem>
+#include <string>
 #include <vector>
 
 namespace estuary::grains {
@@ -15,6 +16,8 @@ struct TriangleMesh {
 /// Corners in the same place become one node; triangles without area are left out. Throws
 /// std::invalid_argument naming the file and what is wrong with it.
 TriangleMesh read_stl(const std::filesystem::path& file);
+/// The same of a file's content.
+TriangleMesh stl_of(const std::string& bytes, const std::filesystem::path& file);
 
 /// Throws std::invalid_argument for a triangle without area or with a node that is not finite, and when there
 /// is none.

@@ -24,7 +24,7 @@ std::string contents_of(const std::filesystem::path& file) {
   return {std::istreambuf_iterator<char>(stream), std::istreambuf_iterator<char>()};
 }
 
-GreyImage read_png(const std::filesystem::path& file, const std::string& bytes) {
+GreyImage read_png(const std::filesystem::path& file, std::string_view bytes) {
   png_image image;
   std::memset(&image, 0, sizeof image);
   image.version = PNG_IMAGE_VERSION;
@@ -56,7 +56,7 @@ GreyImage read_png(const std::filesystem::path& file, const std::string& bytes) 
 
 class BmpReader {
 public:
-  BmpReader(const std::filesystem::path& file, const std::string& bytes) : file_(file), bytes_(bytes) {}
+  BmpReader(const std::filesystem::path& file, std::string_view bytes) : file_(file), bytes_(bytes) {}
 
   GreyImage read() const {
     const std::uint32_t start = number(10, 4);
@@ -118,13 +118,16 @@ private:
   }
 
   const std::filesystem::path& file_;
-  const std::string& bytes_;
+  std::string_view bytes_;
 };
 
 }  // namespace
 
 GreyImage read_grey_image(const std::filesystem::path& file) {
-  const std::string bytes = contents_of(file);
+  return grey_image_of(contents_of(file), file);
+}
+
+GreyImage grey_image_of(std::string_view bytes, const std::filesystem::path& file) {
   if (bytes.starts_with("\x89PNG")) return read_png(file, bytes);
   if (bytes.starts_with("BM")) return BmpReader(file, bytes).read();
   refuse_image(file, "is neither a PNG nor a BMP");

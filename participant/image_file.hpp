@@ -3,6 +3,7 @@
 
 #include <cstdint>
 #include <filesystem>
+#include <string_view>
 #include <vector>
 
 namespace estuary {
@@ -17,5 +18,7 @@ struct GreyImage {
 /// Reads a PNG (any kind) or a BMP (uncompressed, 1, 4, 8, 24 or 32 bits per pixel); colours become their
 /// mean. Throws std::runtime_error naming the file and what is wrong with it.
 [[nodiscard]] GreyImage read_grey_image(const std::filesystem::path& file);
+/// The same of a file's content, wherever it is; `file` is its name in messages.
+[[nodiscard]] GreyImage grey_image_of(std::string_view bytes, const std::filesystem::path& file);
 
 }  // namespace estuary

@@ -38,13 +38,16 @@ std::size_t edit_distance(std::string_view a, std::string_view b) {
 std::optional<std::string> nearest_name(std::string_view word, std::span<const std::string> known) {
   constexpr std::size_t longest = 80;
   if (word.size() > longest) return std::nullopt;
+  const std::string asked = folded(word);
   const std::string* best = nullptr;
   std::size_t least = std::numeric_limits<std::size_t>::max();
   for (const auto& name : known) {
     if (name.size() > longest) continue;
-    const std::size_t distance = edit_distance(folded(word), folded(name));
     const std::size_t length = std::max(word.size(), name.size());
     const std::size_t allowed = length < 3 ? 0 : std::max<std::size_t>(1, length / 3);
+    // What one has more than the other has to be inserted.
+    if (length - std::min(word.size(), name.size()) > allowed) continue;
+    const std::size_t distance = edit_distance(asked, folded(name));
     if (distance <= allowed && distance < least) {
       least = distance;
       best = &name;

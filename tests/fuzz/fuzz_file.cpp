@@ -14,8 +14,9 @@
 #include "image_file.hpp"
 
 namespace {
-void read(const std::filesystem::path& file) {
-  const auto grey = estuary::read_grey_image(file);
+void read(std::string_view bytes) {
+  static const std::filesystem::path name = "image";
+  const auto grey = estuary::grey_image_of(bytes, name);
   if (grey.values.size() != std::size_t(grey.width) * std::size_t(grey.height)) std::abort();
 }
 }  // namespace
@@ -24,8 +25,9 @@ void read(const std::filesystem::path& file) {
 #include "mesh_file.hpp"
 
 namespace {
-void read(const std::filesystem::path& file) {
-  const auto mesh = estuary::grains::read_stl(file);
+void read(std::string_view bytes) {
+  static const std::filesystem::path name = "mesh";
+  const auto mesh = estuary::grains::stl_of(std::string(bytes), name);
   for (const auto node : mesh.triangle)
     if (3 * std::size_t{node} + 2 >= mesh.node.size()) std::abort();
 }
@@ -104,19 +106,24 @@ void read(const std::filesystem::path& file) {
 #endif
 
 namespace {
+#if !defined(ESTUARY_READER_image) && !defined(ESTUARY_READER_mesh)
 // A file in memory, the same one for all inputs: no disk is slowed down or worn out.
 const std::string& file_of(const std::uint8_t* data, std::size_t size) {
   static const int descriptor = ::memfd_create("fuzz", 0);
   static const std::string name = "/proc/self/fd/" + std::to_string(descriptor);
-  if (::ftruncate(descriptor, 0) != 0 || ::pwrite(descriptor, data, size, 0) != static_cast<ssize_t>(size))
+  if (::ftruncate(descriptor, static_cast<off_t>(size)) != 0 ||
+      ::pwrite(descriptor, data, size, 0) != static_cast<ssize_t>(size))
     std::abort();
   return name;
 }
+#endif
 }  // namespace
 
 extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size) {
   try {
-#if defined(ESTUARY_READER_digest)
+#if defined(ESTUARY_READER_image) || defined(ESTUARY_READER_mesh)
+    read({reinterpret_cast<const char*>(data), size});
+#elif defined(ESTUARY_READER_digest)
     if (size < begin) return 0;
     read(file_of(data + begin, size - begin), data);
 #else

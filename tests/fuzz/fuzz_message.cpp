@@ -4,6 +4,8 @@
 #include <filesystem>
 #include <stdexcept>
 
+#include <google/protobuf/stubs/logging.h>
+
 #include "conversation.hpp"
 #include "estuary/v1/protocol.pb.h"
 #include "session.hpp"
@@ -63,6 +65,7 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
     std::filesystem::create_directories(name);
     return name;
   }();
+  static const google::protobuf::LogSilencer silence;  // of what is no UTF-8
   v1::Request request;
   if (request.ParseFromArray(data, static_cast<int>(size))) {
     Onlooker onlooker;

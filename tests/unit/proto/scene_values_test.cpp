@@ -106,7 +106,8 @@ TEST(SceneProblems, OfControlCharactersSayWhere) {
 
 // An assertion of that library, where it would have said what is wrong.
 TEST(SceneProblems, OfNamesOfTablesThatAreNoneSayWhere) {
-  for (const std::string text : {"x = 1\n[(oli]\n", "x = 1\n[[=]]\n", "x = 1\n[.a]\n"})
+  for (const std::string text :
+       {"x = 1\n[(oli]\n", "x = 1\n[[=]]\n", "x = 1\n[.a]\n", "x = 1\n\u00e9 = 2\n", "x = 1\ny \ufef7 = 2\n"})
     EXPECT_THAT(described(Scene::parse(text, "s")), ElementsAre(HasSubstr("s:2:"))) << text;
 }
 
