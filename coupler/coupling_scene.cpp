@@ -106,10 +106,6 @@ void read_host(SceneTable& hosts, ParticipantScene& participant) {
   if (!connects && launch != Launch::local) participant.endpoint = table->text("address");
   if (connects && table->has("address"))
     table->problem("address", "the participant's own table has it already, as `connect`");
-  if (launch == Launch::slurm && participant.ranks > 1)
-    table->problem("launch",
-                   "\"slurm\" gives a participant one task, and ranks need one each: start fluid-lbm-mpi in "
-                   "the job yourself and give its address as `connect`, or leave `ranks` out");
   if (remote) {
     participant.folder = table->text("folder");
     participant.host = launch == Launch::ssh ? table->text("host") : table->text_or("host", "");

@@ -262,7 +262,9 @@ std::vector<std::string> sent_to_host(const ParticipantScene& participant, std::
   std::vector<std::string> srun = {"srun", "--ntasks=1", "--overlap",
                                    "--job-name=estuary-" + participant.role};
   if (!participant.host.empty()) srun.push_back("--nodelist=" + participant.host);
-  if (participant.threads > 0) srun.push_back(fmt::format("--cpus-per-task={}", participant.threads));
+  // Ranks are processes of mpirun inside the one task.
+  if (participant.threads > 0 || participant.ranks > 1)
+    srun.push_back(fmt::format("--cpus-per-task={}", std::max(participant.threads, 1) * participant.ranks));
   srun.insert(srun.end(), words.begin(), words.end());
   return srun;
 }

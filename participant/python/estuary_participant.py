@@ -247,8 +247,11 @@ class Reception:
     def __init__(self, participant, options):
         self.participant, self.session = participant, Session(participant, participant.folder)
         self.socket = zmq.Context.instance().socket(zmq.ROUTER)
-        for option, value in ((zmq.ROUTER_MANDATORY, 1), (zmq.LINGER, 500), (zmq.MAXMSGSIZE, 256 << 20),
-                              (zmq.HEARTBEAT_IVL, 300), (zmq.HEARTBEAT_TIMEOUT, 15000)):
+        same_machine = re.match(r"ipc://|tcp://(127\.|localhost:|\[::1\])", options.bind)
+        self.reconnect_within = 0.0 if options.bind.startswith("ipc://") else options.reconnect_timeout
+        self.out_of_reach_since = None
+        for option, value in ((zmq.ROUTER_MANDATORY, 1), (zmq.LINGER, 500), (zmq.MAXMSGSIZE, 256 << 20), (zmq.ROUTER_HANDOVER, 1),
+                              (zmq.HEARTBEAT_IVL, 300), (zmq.HEARTBEAT_TIMEOUT, 15000 if same_machine else 5000)):
             self.socket.setsockopt(option, value)
         if options.key:
             import estuary_keys  # left out of runs on one machine
@@ -262,9 +265,24 @@ class Reception:
         self.job = self.job_header = None
         self.last_progress = time.monotonic()
 
-    def send(self, client, reply):  # raises when the coupler is gone: then this process ends too
+    def send(self, client, reply):
+        """Raises when the coupler is gone: then this process ends too. One whose connection broke may come back before that, and asks
+        again for what was lost with it."""
         reply.header.protocol_version = PROTOCOL_VERSION
-        self.socket.send_multipart([client, reply.SerializeToString()])
+        try:
+            self.socket.send_multipart([client, reply.SerializeToString()])
+        except zmq.ZMQError as error:
+            if error.errno != zmq.EHOSTUNREACH:
+                raise
+            if client != self.owner:
+                return
+            now = time.monotonic()
+            self.out_of_reach_since = self.out_of_reach_since or now
+            if now - self.out_of_reach_since >= self.reconnect_within:
+                raise
+        else:
+            if client == self.owner:
+                self.out_of_reach_since = None
 
     def refuse(self, client, header, kind, message):
         reply = protocol.Reply(header=header)
@@ -291,7 +309,7 @@ class Reception:
         self.run = self.run or header.run_id
         if header.run_id != self.run:
             return refuse("BUSY", f"busy with run {self.run}")
-        self.owner = client
+        self.owner, self.out_of_reach_since = client, None
         answered = self.last_reply.header.sequence if self.last_reply else 0
         working = self.job_header.sequence if self.job else 0
         if self.last_reply and header.sequence == answered:
@@ -340,6 +358,7 @@ def serve(participant):
     options.add_argument("--folder", type=pathlib.Path, default=".")
     options.add_argument("--threads", type=int)
     options.add_argument("--orphan-timeout", type=float, default=0)
+    options.add_argument("--reconnect-timeout", type=float, default=3.0, help="end after so many seconds without a connection to the coupler of a run (tcp:// only)")
     options.add_argument("--check", action="store_true")
     options.add_argument("--key", help="file of the own CurveZMQ key pair (made by `coupler keys`)")
     options.add_argument("--allow", action="append", default=[], help="file of the public key of a coupler that may come; may be repeated")

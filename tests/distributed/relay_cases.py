@@ -1,27 +1,36 @@
 """Networks between coupler and participant that are slow, stand still or break: the same results, later; or an end that keeps
 what was computed. Over loopback, so that every machine can run them."""
+import socket
 import subprocess
 import time
 
-from driver import PROGRAMS, Run, expect, expect_same, finished, summary
+from driver import PROGRAMS, ROOT, Run, expect, expect_same, finished, summary
 from relay import Relay
 from security_cases import free_port, keys
 
 
 class ByHand:
-    """The tube's wall, started by hand behind a relay, with keys."""
+    """A solid, the tube's wall where not told otherwise, started by hand behind a relay, with keys."""
 
-    def __init__(self, place, name="by-hand", port=None, bandwidth=None):
+    def __init__(self, place, name="by-hand", port=None, program="elastic-tube"):
         self.port = port or free_port()
         self.log = place.folder / f"{name}.log"
         pair = place.folder / "server"
         if not pair.with_suffix(".key").exists():
             keys(place, "server", "coupler")
-        self.words = [str(PROGRAMS / "elastic-tube"), "--bind", f"tcp://127.0.0.1:{self.port}", "--folder",
+        self.words = [str(PROGRAMS / program), "--bind", f"tcp://127.0.0.1:{self.port}", "--folder",
                       str(place.folder / name), "--key", f"{pair}.key", "--allow", f"{place.folder}/coupler.pub"]
         self.file = open(self.log, "a")
         self.process = subprocess.Popen(self.words, stdout=self.file, stderr=self.file)
         self.relay = Relay(("127.0.0.1", self.port))
+        # The relay would take a call before anyone is there to answer it.
+        deadline = time.monotonic() + 30
+        while True:
+            with socket.socket() as call:
+                if call.connect_ex(("127.0.0.1", self.port)) == 0:
+                    break
+            expect(self.process.poll() is None and time.monotonic() < deadline, f"{program} does not serve: {self.log.read_text()}")
+            time.sleep(0.05)
 
     def __enter__(self):
         self.relay.__enter__()
@@ -35,7 +44,11 @@ class ByHand:
     def scene(self, place, end, patience=5.0, more=""):
         """A tube whose wall is reached through the relay."""
         text = place.tube(end=end).read_text()
-        text = text.replace(f'[solid]\nsolver = "{PROGRAMS}/elastic-tube"', f'[solid]\nconnect = "tcp://127.0.0.1:{self.relay.port}"')
+        return self.reached(place, text.replace(f'[solid]\nsolver = "{PROGRAMS}/elastic-tube"', "[solid]"), patience, more)
+
+    def reached(self, place, text, patience=5.0, more=""):
+        """A scene whose solid it is."""
+        text = text.replace("[solid]", f'[solid]\nconnect = "tcp://127.0.0.1:{self.relay.port}"', 1)
         text += (f'[hosts.coupler]\nkey = "{place.folder}/coupler.key"\n'
                  f'[hosts.solid]\npublic_key = "{place.folder}/server.pub"\nlost_after = {patience}\n')
         return place.write("relayed.toml", text.replace("[coupling]", f"[coupling]\n{more}", 1))
@@ -111,6 +124,30 @@ def case_cut_and_mended(place, end=0.4):
                 solid.relay.mend()
         run.expect_end(0)
         expect_same(out, reference, elsewhere={"solid": place.folder / "by-hand"})
+        expect(summary(out)["recovery"]["relaunches"] == 0, f"a cut was taken for a loss: {run.said()}")
+        return f"{solid.relay.connections - 1} times cut; {slowdown(out, reference)}"
+
+
+def case_cut_before_a_participant_in_python(place):
+    """Its kit keeps the run for `--reconnect-timeout` as well."""
+    text = (ROOT / "configs/fsi/viv-cylinder.toml").read_text().split("[[check]]")[0]
+    for old, new in (("spacing = 0.0625", "spacing = 0.25"), ("time_step = 0.005", "time_step = 0.025"), ("end_time = 100.0", "end_time = 2.0"),
+                     ("[-16.0, -16.0]", "[-4.0, -4.0]"), ("[40.0, 32.0]", "[12.0, 8.0]"), ("from_time = 70.0", "")):
+        text = text.replace(old, new)
+    text = text.replace("[fluid]", "[fluid]\nthreads = 1", 1)
+    reference, out = place.folder / "undisturbed", place.folder / "out"
+    finished(place.write("alone.toml", text.replace("[solid]", f'[solid]\nsolver = "{PROGRAMS}/spring-cylinder"', 1)), reference)
+    with ByHand(place, program="spring-cylinder") as solid:
+        solid.relay.delay = 0.002
+        run = Run(solid.reached(place, text), out, limit=120)
+        for window in (5, 15, 25):
+            run.wait_for_window(window)
+            solid.relay.cut(for_good=window == 15)
+            if window == 15:
+                time.sleep(1.0)
+                solid.relay.mend()
+        run.expect_end(0)
+        expect_same(out, reference, frames=False)
         expect(summary(out)["recovery"]["relaunches"] == 0, f"a cut was taken for a loss: {run.said()}")
         return f"{solid.relay.connections - 1} times cut; {slowdown(out, reference)}"
 

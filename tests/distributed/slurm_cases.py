@@ -2,11 +2,12 @@
 import csv
 import os
 import shlex
+import shutil
 import signal
 import subprocess
 import time
 
-from driver import PROGRAMS, ROOT, expect, expect_same, summary
+from driver import PROGRAMS, ROOT, Failure, expect, expect_same, summary
 from host_cases import expect_no_solvers, local_run
 from slurm import Slurm, free_port
 
@@ -54,6 +55,25 @@ def case_coupled_job(place):
     index = summary(place.folder / "out")["participants"]["grains"]
     expect(index["folder"] == f"{place.folder}/node/grains", str(index))
     expect("serves run" in (place.folder / "out/log/grains.log").read_text(), "no log came back")
+    return f"{files} files of fields; {summary(reference)['wall_s']:.1f} s without, {summary(place.folder / 'out')['wall_s']:.1f} s"
+
+
+def case_ranks_inside_a_job(place):
+    """A fluid of two ranks: mpirun in the participant's one task."""
+    if shutil.which("mpirun") is None:
+        raise Failure("there is no mpirun")
+    options = ("--set", "coupling.end_time=0.02", *DISC)
+    reference, status = local_run(place, "grains/settling-disc", *options)
+    with Slurm(place.folder / "slurm") as slurm:
+        slurm.environment |= {"OMPI_ALLOW_RUN_AS_ROOT": "1", "OMPI_ALLOW_RUN_AS_ROOT_CONFIRM": "1"}
+        number = job(place, slurm, scene_of(place, slurm), *options, "--set", "fluid.ranks=2")
+        wait_for_window(place, slurm, 20)
+        ranks = subprocess.run(["pgrep", "-f", f"^[^ ]*fluid-lbm-mpi .*{place.folder}/node/fluid"], capture_output=True, text=True).stdout.split()
+        expect(len(ranks) == 2, f"{len(ranks)} processes of fluid-lbm-mpi")
+        slurm.wait_for()
+        said = (place.folder / f"job-{number}.txt").read_text()
+        expect(slurm.exit_status(number) == f"{status}:0", f"{slurm.exit_status(number)}: {said}{slurm.logs()}")
+        files = expect_same(place.folder / "out", reference, elsewhere=elsewhere(place))
     return f"{files} files of fields; {summary(reference)['wall_s']:.1f} s without, {summary(place.folder / 'out')['wall_s']:.1f} s"
 
 
