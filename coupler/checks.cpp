@@ -53,7 +53,12 @@ double time_of_passage(const WatchSeries& series, std::size_t from, std::size_t 
   return series.time[n - 1] + part * (series.time[n] - series.time[n - 1]);
 }
 
-double statistic_of(const WatchSeries& series, const std::string& statistic, const WatchScene& watch) {
+double statistic_of(const WatchSeries& whole, const std::string& statistic, const WatchScene& watch) {
+  WatchSeries series = whole;
+  const auto count = static_cast<std::size_t>(
+      std::upper_bound(series.time.begin(), series.time.end(), watch.to_time) - series.time.begin());
+  series.time.resize(count);
+  series.value.resize(count);
   if (series.value.empty()) return missing;
   if (statistic == "last") return series.value.back();
   if (statistic == "amplitude" || statistic == "phase") {

@@ -2,6 +2,7 @@
 // checked.
 #pragma once
 
+#include <limits>
 #include <optional>
 #include <string>
 #include <vector>
@@ -66,6 +67,8 @@ struct WatchScene {
   /// on.
   std::optional<double> angular_frequency;
   double from_time = 0;
+  /// What comes later does not count for the statistics, nor as the last value [s].
+  double to_time = std::numeric_limits<double>::infinity();
 };
 
 /// `quantity` is WATCH.QUANTITY or WATCH.QUANTITY.STATISTIC (last, min, max, mean, amplitude, phase), or one

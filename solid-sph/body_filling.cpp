@@ -20,7 +20,8 @@ ShellSection shell_section(const SolidScene& scene, const BodyScene& body) {
           .plane_factor = scene.plane == Plane::strain ? 2 / std::sqrt(3.0) : 1.0,
           .hinge = shell.hinge,
           .shear_weight = shell.shear_weight,
-          .rupture = body.rupture};
+          .rupture = body.rupture,
+          .viscosity = shell.viscosity};
 }
 
 namespace {

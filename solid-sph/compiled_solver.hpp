@@ -83,6 +83,7 @@ public:
     return 0;
   }
   double fracture_work() const override { return rupture_ ? rupture_->energy_set_free(torn()) : 0; }
+  double steepening() const override { return rupture_ ? rupture_->steepening() : 1; }
   std::size_t law_history() const override { return Law::history_size; }
   NamedValues totals(const State&) const override {
     if (!rupture_) return {};

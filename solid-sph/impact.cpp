@@ -240,8 +240,9 @@ double ImpactSolver::longest_step(const State& state, double courant) {
   copy_out(fluid_particle_, state.velocity, fluid_velocity_);
   if (!fluid_particle_.empty()) step = courant * kFluidShare * fluid_.stable_step(fluid_velocity_, density_);
   if (solid_) {
-    const double stable = solid_->reference_stable_step();
+    double stable = solid_->reference_stable_step();
     solid_->evaluate(solid_displacement_);
+    stable /= std::sqrt(solid_->steepening());
     step = std::min(step, courant * kSolidShare * stable / std::sqrt(std::max(1.0, solid_->stiffening())));
   }
   if (rows_)

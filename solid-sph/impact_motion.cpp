@@ -24,14 +24,18 @@ private:
 }  // namespace
 
 // Adds the forces of shells; links that are past a limit break. Returns whether any did.
-bool ImpactSolver::bend_shells(std::span<const double> displacement, bool commit) {
+bool ImpactSolver::bend_shells(const State& state, bool commit) {
   if (!rows_) return false;
-  std::int64_t bad = rows_->evaluate(displacement, row_history_, commit && rows_->remembers(), fields_);
+  const std::span<const double> displacement = state.displacement;
+  const auto velocity =
+      rows_->viscous() ? std::span<const double>(state.velocity) : std::span<const double>{};
+  std::int64_t bad =
+      rows_->evaluate(displacement, row_history_, commit && rows_->remembers(), fields_, velocity);
   const bool broke = commit && rows_->breakable() && rows_->break_links(row_history_) > 0;
   if (broke) {
     pinball_.tear(rows_->broken_links(row_history_));
     copy_fields();
-    bad += rows_->evaluate(displacement, row_history_, false, fields_);
+    bad += rows_->evaluate(displacement, row_history_, false, fields_, velocity);
   }
   if (bad > 0)
     for (const std::uint32_t i : rows_->particles())
@@ -64,7 +68,7 @@ bool ImpactSolver::find_forces(State& state, double time_step, std::uint64_t ste
     solid_seconds_ += watch.seconds();
   }
   copy_fields();
-  return bend_shells(state.displacement, time_step > 0);
+  return bend_shells(state, time_step > 0);
 }
 
 // Velocities of what follows a prescribed motion, of the coming step.
@@ -110,6 +114,7 @@ void ImpactSolver::kick(State& state, const Loading& loading, const ExternalForc
   double* v = state.velocity.data();
   collect_velocities(state, before_);
   state.viscous_work += duration * solid_viscous_power_;
+  if (rows_ && rows_->viscous()) state.viscous_work += duration * rows_->viscous_power();
   const double taken = ordered_sum(n, [&](std::size_t i) {
     double lost = 0;
     for (std::size_t c = 2 * i; c < 2 * i + 2; ++c) {
@@ -227,6 +232,7 @@ void ImpactSolver::advance(State& state, const Loading& given, double duration, 
   ExternalForces external(body_, loading);
   external.set(0.0, start, state.displacement);
   const double decay = 1 - 0.5 * damping * dt, gain = 1 / (1 + 0.5 * damping * dt);
+  if (rows_ && rows_->viscous()) rows_->turn(row_history_, 0, 1, 1, true);
   find_forces(state, 0, 0);
   if (rows_) rows_->add_moments(loading, start, 0);
   drive(state, loading, start, dt);
@@ -244,6 +250,7 @@ void ImpactSolver::advance(State& state, const Loading& given, double duration, 
     if (rows_) {
       rows_->add_moments(loading, time, fraction);
       rows_->turn(row_history_, dt, decay, gain, true);
+      if (rows_->filters()) state.viscous_work += rows_->filter_normals(row_history_);
     }
     external.set(fraction, time, state.displacement);
     state.external_work += external.work();

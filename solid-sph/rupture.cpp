@@ -67,6 +67,12 @@ Rupture::Rupture(const Body& body, Neighbourhood& pairs, std::vector<RuptureLimi
     }
   check_cracks();
   apply(rest_history());
+  rest_steepness_.assign(limits_.size(), 0.0);
+  for (std::size_t i = 0; i < body_.size(); ++i) {
+    double& most = rest_steepness_[body_.member[i]];
+    most = std::max(most, steepness(i));
+  }
+  steepening_ = 1;
 }
 
 // A crack that does nothing is a slip: a point outside, or a line right through particles.
@@ -100,6 +106,17 @@ std::vector<double> Rupture::rest_history() const {
                       [&](const auto& crack) { return cross(link(i, k), crack); }))
         history[k] = 1;
   return history;
+}
+
+double Rupture::steepness(std::size_t i) const {
+  double x = 0, y = 0, sum = 0;
+  for (std::uint32_t k = pairs_.first[i]; k < pairs_.first[i + 1]; ++k) {
+    const double gx = pairs_.gradient[2 * k], gy = pairs_.gradient[2 * k + 1];
+    sum += (gx * gx + gy * gy) / body_.mass[pairs_.neighbour[k]];
+    x += gx;
+    y += gy;
+  }
+  return body_.energy_volume[i] * (sum + (x * x + y * y) / body_.mass[i]);
 }
 
 std::optional<double> Rupture::fit(std::size_t i, std::span<const double> history) {
@@ -140,6 +157,7 @@ void Rupture::apply(std::span<const double> history) {
   pairs_ = whole_;
   body_.energy_volume = whole_body_.energy_volume;
   std::fill(isolated_.begin(), isolated_.end(), 0);
+  steepening_ = 1;
   base_.assign(history.begin() + static_cast<std::ptrdiff_t>(whole_.pairs()), history.end() - 1);
   const bool springs = !whole_.spring.empty();
   for (std::size_t i = 0; i < n; ++i) {
@@ -165,6 +183,8 @@ void Rupture::apply(std::span<const double> history) {
       if (!pairs_.viscous_weight.empty() && gone)
         pairs_.viscous_weight[k] = pairs_.viscous_weight[mirror_[k]] = 0;
     }
+    if (!rest_steepness_.empty())
+      steepening_ = std::max(steepening_, steepness(i) / rest_steepness_[body_.member[i]]);
   }
   if (springs)
     for (std::size_t i = 0; i < n; ++i) {

@@ -61,6 +61,10 @@ public:
                                              std::span<double> history);
   void set_free(double energy, std::span<double> history) const { history.back() += energy; }
   [[nodiscard]] double energy_set_free(std::span<const double> history) const { return history.back(); }
+  /// By how much the operator of the links left may raise squared frequencies over those at rest, at least 1:
+  /// the largest of V_i (sum_j |g_ij|^2 / m_j + |sum_j g_ij|^2 / m_i) over that at rest of the same member.
+  /// Half a straight crack's volume makes up for its gradients; ragged ones may be steeper.
+  [[nodiscard]] double steepening() const { return steepening_; }
   /// Broken links, isolated particles, their mass [kg/m].
   [[nodiscard]] std::array<double, 3> losses(std::span<const double> history) const;
 
@@ -74,6 +78,8 @@ private:
   /// it is isolated, nothing when no link of it is broken.
   std::optional<double> fit(std::size_t i, std::span<const double> history);
   void apply(std::span<const double> history);
+  /// Squared frequency that the stress of a particle makes, over its modulus [m/kg].
+  [[nodiscard]] double steepness(std::size_t i) const;
   void check_cracks() const;
   /// Ends of a pair at rest: x0, y0, x1, y1.
   [[nodiscard]] std::array<double, 4> link(std::size_t i, std::size_t pair) const;
@@ -98,6 +104,8 @@ private:
   std::vector<double> applied_;  // the history that `pairs_` belongs to
   std::vector<std::uint8_t> isolated_;
   bool needs_energy_ = false;
+  double steepening_ = 1;
+  std::vector<double> rest_steepness_;  // largest of each member
   std::vector<Candidate> candidates_;
   std::vector<std::uint8_t> taken_, pending_;
   std::vector<std::uint32_t> touched_, unloaded_;  // touched: still to be fitted, in order

@@ -24,9 +24,10 @@ ShellSolver::ShellSolver(const Body& body, std::vector<ShellSection> sections)
   history_ = rest_history_ = row_.rest_history();
 }
 
-std::int64_t ShellSolver::sweep(std::span<const double> displacement, bool commit) {
+std::int64_t ShellSolver::sweep(std::span<const double> displacement, bool commit,
+                                std::span<const double> velocity) {
   std::fill(fields_.force.begin(), fields_.force.end(), 0.0);
-  return row_.evaluate(displacement, history_, commit, fields_);
+  return row_.evaluate(displacement, history_, commit, fields_, velocity);
 }
 
 std::int64_t ShellSolver::evaluate(std::span<const double> displacement) {
@@ -97,7 +98,14 @@ void ShellSolver::advance(State& state, const Loading& given, double duration, s
     return sum;
   };
   state.external_work -= gravity_work();
-  evaluate(state.displacement);
+  // Velocities foreseen for the end of a step: artificial viscosity wants them.
+  std::vector<double> foreseen(row_.viscous() ? 2 * n : 0);
+  if (row_.viscous()) {
+    foreseen = state.velocity;
+    row_.turn(history_, 0, 1, 1, true);
+  }
+  sweep(state.displacement, false, foreseen);
+  if (row_.viscous()) state.viscous_work += 0.5 * dt * row_.viscous_power();
   external.set(0, start, state.displacement);
   add_loads(loading, external, start, 0);
   guide.remember(fields_.force);
@@ -114,28 +122,32 @@ void ShellSolver::advance(State& state, const Loading& given, double duration, s
           const double a = 0.5 * dt * fields_.force[2 * i + c] / body_.mass[i];
           v = ends ? gain * (v + a) : decay * v + a;
           if (!ends) state.displacement[2 * i + c] += dt * v;
+          if (!ends && !foreseen.empty()) foreseen[2 * i + c] = v + a;
         }
       row_.turn(history_, dt, decay, gain, ends);
     };
     kick(false);
     guide.move(state, time, dt);
+    if (!foreseen.empty()) guide.copy_velocity(state.velocity, foreseen);
     // Half-way through the step, where the rates are those of the motion.
     if (!loading.moments.empty() || loading.couples)
       state.external_work += row_.moment_work(loading, time - 0.5 * dt, middle, dt, history_);
-    if (sweep(state.displacement, row_.remembers()) > 0) {
+    if (sweep(state.displacement, row_.remembers(), foreseen) > 0) {
       for (std::size_t i = 0; i < n; ++i)
         if (!std::isfinite(fields_.force[2 * i] + fields_.force[2 * i + 1] + row_.moments()[i]))
           throw Breakdown(i, step, std::numeric_limits<double>::quiet_NaN());
     }
     if (row_.breakable() && row_.break_links(history_) > 0) {
       row_.drop_broken(history_, loading);
-      sweep(state.displacement, false);
+      sweep(state.displacement, false, foreseen);
     }
+    if (row_.viscous()) state.viscous_work += (step < steps ? 1.0 : 0.5) * dt * row_.viscous_power();
     external.set(fraction, time, state.displacement);
     add_loads(loading, external, time, fraction);
     // Gravity's share on what is moved is counted with the rest of gravity's.
     state.external_work += external.work() + guide.work(fields_.force, {});
     kick(true);
+    if (row_.filters()) state.viscous_work += row_.filter_normals(history_);
     if (damping > 0) {
       state.viscous_work +=
           2 * dt * damping * (Solver::kinetic_energy(state) + row_.kinetic_energy(history_));

@@ -53,7 +53,8 @@ public:
   NamedValues quantities_of(std::size_t particle, const State& state) const override;
 
 private:
-  std::int64_t sweep(std::span<const double> displacement, bool commit);
+  std::int64_t sweep(std::span<const double> displacement, bool commit,
+                     std::span<const double> velocity = {});
   /// Gravity, forces and moments at `time` on top of the internal ones.
   void add_loads(const Loading& loading, const ExternalForces& external, double time, double fraction);
 

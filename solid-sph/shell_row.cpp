@@ -40,7 +40,10 @@ ShellRow::ShellRow(const Body& body, std::vector<ShellSection> sections)
     if (!(section.thickness > 0)) continue;
     breakable_ = breakable_ || section.rupture.any();
     remembers_ = remembers_ || section.plastic() || section.rupture.any();
+    viscous_ = viscous_ || section.viscosity.any();
+    filters_ = filters_ || section.viscosity.normal_filter > 0;
   }
+  if (viscous_) rate_.assign(n, 0.0);
   for (std::size_t o = 0; o < body.outlines.size(); ++o) {
     const Outline& outline = body.outlines[o];
     const ShellSection& section = sections_[body.outline_member[o]];
@@ -89,7 +92,7 @@ std::vector<double> ShellRow::rest_history() const {
 }
 
 void ShellRow::pull(std::span<const double> displacement, std::span<double> history, bool commit,
-                    std::size_t l) {
+                    std::size_t l, std::span<const double> velocity) {
   const Link& link = links_[l];
   LinkState& now = at_[l];
   const std::size_t pa = particle_[link.a], pb = particle_[link.b];
@@ -114,7 +117,8 @@ void ShellRow::pull(std::span<const double> displacement, std::span<double> hist
            .stretch = now.stretch,
            .shear_strain = gamma,
            .energy = 0,
-           .stored = 0};
+           .stored = 0,
+           .viscous_power = 0};
     return;
   }
   const ShellSection& section = sections_[link.member];
@@ -136,10 +140,15 @@ void ShellRow::pull(std::span<const double> displacement, std::span<double> hist
     now.energy = now.stored =
         0.5 * link.length * (now.normal_force * e + now.shear_force * gamma + now.moment * kappa);
   }
+  std::array<double, 3> all{now.normal_force, now.shear_force, now.moment};
+  if (!velocity.empty()) {
+    const auto more = drag(l, velocity, x, mean, slope);
+    for (std::size_t k = 0; k < 3; ++k) all[k] += more[k];
+  }
   for (std::size_t c = 0; c < 2; ++c) {
-    now.force[c] = now.normal_force * x[c] + now.shear_force * mean[c] + now.moment * slope[c];
-    now.shear[c] = now.shear_force * x[c];
-    now.bending[c] = now.moment * x[c];
+    now.force[c] = all[0] * x[c] + all[1] * mean[c] + all[2] * slope[c];
+    now.shear[c] = all[1] * x[c];
+    now.bending[c] = all[2] * x[c];
   }
 }
 
@@ -182,12 +191,12 @@ void ShellRow::gather(std::span<const double> displacement, std::size_t i, Field
 }
 
 std::int64_t ShellRow::evaluate(std::span<const double> displacement, std::span<double> history, bool commit,
-                                Fields& fields) {
+                                Fields& fields, std::span<const double> velocity) {
   const std::size_t count = links_.size(), n = size();
 #pragma omp parallel for schedule(static) if (n > kSerialBelow)
   for (std::size_t i = 0; i < n; ++i) fibre_[i] = normal_of(fibre_angle_[i] + history[2 * i]);
 #pragma omp parallel for schedule(static) if (n > kSerialBelow)
-  for (std::size_t l = 0; l < count; ++l) pull(displacement, history, commit, l);
+  for (std::size_t l = 0; l < count; ++l) pull(displacement, history, commit, l, velocity);
   std::int64_t bad = 0;
 #pragma omp parallel for schedule(static) reduction(+ : bad) if (n > kSerialBelow)
   for (std::size_t i = 0; i < n; ++i) {
@@ -246,7 +255,7 @@ std::array<std::array<double, 2>, 2> ShellRow::fibre_motion(std::uint32_t partic
   return {{{now[0] - rest[0], now[1] - rest[1]}, {-rate * now[1], rate * now[0]}}};
 }
 
-void ShellRow::turn(std::span<double> history, double dt, double decay, double gain, bool ends) const {
+void ShellRow::turn(std::span<double> history, double dt, double decay, double gain, bool ends) {
   const std::size_t n = size();
 #pragma omp parallel for schedule(static) if (n > kSerialBelow)
   for (std::size_t i = 0; i < n; ++i) {
@@ -255,6 +264,7 @@ void ShellRow::turn(std::span<double> history, double dt, double decay, double g
     double& rate = history[2 * i + 1];
     rate = ends ? gain * (rate + kick) : decay * rate + kick;
     if (!ends) history[2 * i] += dt * rate;
+    if (viscous_) rate_[i] = ends ? rate : rate + kick;
   }
 }
 
@@ -281,10 +291,20 @@ double ShellRow::squared_frequency() const {
   double squared = 0;
   for (const Link& link : links_) {
     const ShellSection& s = sections_[link.member];
-    const double length = 4 / (link.length * link.length);
-    squared = std::max(
-        {squared, s.young_modulus / s.density * length,
-         s.shear_correction * s.shear_modulus / s.density * (length + 12 / (s.thickness * s.thickness))});
+    const double length = 4 / (link.length * link.length), shear = length + 12 / (s.thickness * s.thickness);
+    const double along = s.young_modulus / s.density * length,
+                 across = s.shear_correction * s.shear_modulus / s.density * shear;
+    squared = std::max({squared, along, across});
+    if (!s.viscosity.any()) continue;
+    // With the share z of critical damping, and velocities foreseen by the acceleration before, a step is
+    // stable up to 2 / (w (2 z + sqrt(1 + 4 z^2))).
+    const auto damped = [](double square, double share) {
+      return square * std::pow(2 * share + std::sqrt(1 + 4 * share * share), 2);
+    };
+    const double speed = std::sqrt(s.young_modulus / s.density), thin = std::min(link.length, s.thickness);
+    squared = std::max({squared,
+                        damped(along, std::max(s.viscosity.linear, s.viscosity.bending * thin / link.length)),
+                        damped(across, 0.5 * s.viscosity.shear * thin * speed * shear / std::sqrt(across))});
   }
   return squared;
 }

@@ -43,9 +43,11 @@ public:
   [[nodiscard]] std::vector<double> rest_history() const;
 
   /// Stresses of a state: forces are added to `fields.force` and deformation gradients set; with `commit`
-  /// what has flowed stays in `history`. Returns the number of particles with values that are not finite.
+  /// what has flowed stays in `history`. With a velocity the forces have artificial viscosity in them; the
+  /// rates of the rotations are those that the last `turn` has foreseen. Returns the number of particles with
+  /// values that are not finite.
   std::int64_t evaluate(std::span<const double> displacement, std::span<double> history, bool commit,
-                        Fields& fields);
+                        Fields& fields, std::span<const double> velocity = {});
   /// Breaks links of the state last evaluated that are past a limit, the worst of each group of neighbours.
   /// Returns how many.
   std::size_t break_links(std::span<double> history);
@@ -58,6 +60,13 @@ public:
   /// Elastic energy, and what the increment would dissipate [J/m].
   [[nodiscard]] double energy() const;
   [[nodiscard]] double plastic_work(std::span<const double> history) const;
+  /// What artificial viscosity takes [W/m].
+  [[nodiscard]] double viscous_power() const;
+  [[nodiscard]] bool viscous() const { return viscous_; }
+  [[nodiscard]] bool filters() const { return filters_; }
+  /// Turns every free fibre towards the mean of itself and its neighbours, weighted by mass and kernel
+  /// (Maurel 2008, ch. 2). Returns the elastic energy that this takes, to first order [J/m].
+  double filter_normals(std::span<double> history);
   /// Elastic energy set free by breaking [J/m].
   [[nodiscard]] double fracture_work(std::span<const double> history) const;
   /// Adds the moments of a loading at `time`, `fraction` of the window gone, to those of the state last
@@ -76,7 +85,7 @@ public:
   /// Of a member of the body; 0: no shell.
   [[nodiscard]] double thickness(std::size_t member) const { return sections_[member].thickness; }
   /// Half kick of the rates by the moments, and the drift of the rotations when the step begins with it.
-  void turn(std::span<double> history, double dt, double decay, double gain, bool ends) const;
+  void turn(std::span<double> history, double dt, double decay, double gain, bool ends);
 
   [[nodiscard]] double kinetic_energy(std::span<const double> history) const;  // of the rotation
   [[nodiscard]] double spin(std::span<const double> history) const;
@@ -119,6 +128,7 @@ private:
   struct LinkState {
     std::array<double, 2> force, shear, bending;  // N x' + T n + M n', T x', M x'
     double normal_force, shear_force, moment, stretch, shear_strain, energy, stored;
+    double viscous_power;
   };
   [[nodiscard]] const double* memory(std::span<const double> history, std::size_t link) const {
     return &history[2 * size() + kLinkHistory * link];
@@ -130,12 +140,19 @@ private:
   template <typename Work>
   void visit_moments(const Loading& loading, double time, double fraction, const Work& work) const;
   [[nodiscard]] double overload(std::span<const double> history, std::size_t link) const;
-  void pull(std::span<const double> displacement, std::span<double> history, bool commit, std::size_t link);
+  void pull(std::span<const double> displacement, std::span<double> history, bool commit, std::size_t link,
+            std::span<const double> velocity);
+  // Viscous normal force, shear force and moment of a link, work-conjugate like the elastic ones; notes what
+  // they take. `x`, `mean`, `slope`: x', the mean fibre and n'.
+  std::array<double, 3> drag(std::size_t link, std::span<const double> velocity,
+                             const std::array<double, 2>& x, const std::array<double, 2>& mean,
+                             const std::array<double, 2>& slope);
   void gather(std::span<const double> displacement, std::size_t local, Fields& fields);
 
   const Body& body_;
   std::vector<ShellSection> sections_;
-  bool remembers_ = false, breakable_ = false;
+  bool remembers_ = false, breakable_ = false, viscous_ = false, filters_ = false;
+  std::vector<double> rate_;  // of the rotations, foreseen for the end of a step [1/s]; with viscosity
   std::vector<std::uint32_t> particle_;  // of the body, ascending
   std::vector<std::uint32_t> local_;     // of every particle of the body
   std::vector<Link> links_;

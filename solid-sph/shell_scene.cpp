@@ -20,6 +20,15 @@ void read_shell(SceneTable& table, BodyScene& body) {
   for (const char* key : {"hinge", "shear_weight"})
     if (table.has(key) && body.material.plasticity.yield.empty())
       table.problem(key, "is of a shell with a `yield_stress`");
+  if (auto viscosity = table.table_if("viscosity")) {
+    const Range range{.minimum = 0.0, .maximum = 10.0};
+    shell.viscosity.linear = viscosity->number_or("linear", 0, range);
+    shell.viscosity.quadratic = viscosity->number_or("quadratic", 0, range);
+    shell.viscosity.shear = viscosity->number_or("shear", 0, range);
+    shell.viscosity.bending = viscosity->number_or("bending", 0, range);
+    shell.viscosity.normal_filter =
+        viscosity->number_or("normal_filter", 0, {.minimum = 0.0, .maximum = 0.5});
+  }
   const Plasticity& plasticity = body.material.plasticity;
   if (plasticity.reference_rate > 0 || plasticity.damage_limit > 0)
     table.problem(plasticity.damage_limit > 0 ? "damage" : "reference_rate", "has no meaning for shells");

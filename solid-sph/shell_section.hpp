@@ -22,6 +22,15 @@ namespace estuary::solid {
 /// What psi of the yield condition does.
 enum class Hinge { growing, section, skin };
 
+/// Artificial viscosity of a row's links, shares of critical damping of the shortest waves along it; 0: none.
+struct ShellViscosity {
+  double linear = 0, quadratic = 0;  // Monaghan's, of links that grow shorter
+  double shear = 0, bending = 0;
+  double normal_filter = 0;  // share of the way to its neighbours' mean that a fibre turns in every step
+
+  [[nodiscard]] bool any() const { return linear > 0 || quadratic > 0 || shear > 0 || bending > 0; }
+};
+
 struct ShellSection {
   double thickness = 0;                         // [m]; 0: the body is no shell
   double young_modulus = 0, shear_modulus = 0;  // E' and G [Pa]
@@ -32,6 +41,7 @@ struct ShellSection {
   Hinge hinge = Hinge::growing;
   double shear_weight = 1;  // w
   RuptureLimits rupture = {};
+  ShellViscosity viscosity = {};
 
   [[nodiscard]] bool plastic() const { return !plasticity.yield.empty(); }
   [[nodiscard]] double membrane() const { return young_modulus * thickness; }

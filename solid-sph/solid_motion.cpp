@@ -25,8 +25,9 @@ std::uint64_t Solid::steps_for(double duration) {
                      "look at the last frames: something has become infinitely fast or stiff");
     return std::max<std::uint64_t>(1, static_cast<std::uint64_t>(steps));
   }
-  const double stable = solver_->reference_stable_step();
+  double stable = solver_->reference_stable_step();
   solver_->evaluate(state_.displacement);
+  stable /= std::sqrt(solver_->steepening());
   const double stiffening = std::sqrt(std::max(1.0, solver_->stiffening()));
   // The wave through a spacing, and never beyond what the discrete operator itself allows.
   double elastic = std::min(scene_.courant_step(body_.spacing), 0.9 * stable) / stiffening;

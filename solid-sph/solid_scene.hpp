@@ -47,6 +47,7 @@ struct ShellScene {
   double shear_correction = 5.0 / 6.0;
   Hinge hinge = Hinge::growing;
   double shear_weight = 1;
+  ShellViscosity viscosity;
 
   /// E' [Pa].
   [[nodiscard]] double modulus(const MaterialScene& material, Plane plane) const;

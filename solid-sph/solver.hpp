@@ -132,6 +132,9 @@ public:
   /// How much stiffer the material is now than at rest: largest singular value of dP/dF over all
   /// particles of the last evaluation, relative to that of the undeformed body.
   [[nodiscard]] double stiffening() const;
+  /// By how much links lost since may raise squared frequencies over those of the reference state, at
+  /// least 1.
+  [[nodiscard]] virtual double steepening() const { return 1; }
   [[nodiscard]] virtual double kinetic_energy(const State& state) const;
   /// Angular momentum of particles that turn about themselves [kg m2/s per m].
   [[nodiscard]] virtual double spin(const State&) const { return 0; }

@@ -101,6 +101,14 @@ TEST_F(Checks, TakesTheLastValueUnlessAnotherStatisticIsNamed) {
   EXPECT_DOUBLE_EQ(evaluate(compare("coupling.iterations", 7, 0)).value, 7);
 }
 
+TEST_F(Checks, LeavesOutWhatComesAfterToTime) {
+  scene_.watches[0].to_time = 1.5;
+  EXPECT_DOUBLE_EQ(evaluate(compare("tip.x", 1, 0)).value, 1);
+  EXPECT_DOUBLE_EQ(evaluate(compare("tip.x.max", 1, 0)).value, 1);
+  scene_.watches[0].to_time = 0.5;
+  EXPECT_TRUE(std::isnan(evaluate(compare("tip.x", 1, 0)).value));
+}
+
 TEST_F(Checks, HoldsTheRelativeErrorAgainstTheTolerance) {
   EXPECT_TRUE(evaluate(compare("tip.x", 2.1, 0.05)).pass);
   EXPECT_FALSE(evaluate(compare("tip.x", 2.2, 0.05)).pass);

@@ -1,17 +1,15 @@
 // Bodies that meet by impulses: the multipliers, where rows are made, and whole impacts with known outcome.
 #include <gtest/gtest.h>
 
-#include <unistd.h>
+#include <omp.h>
 
 #include <cmath>
-#include <filesystem>
 
 #include "bodies.hpp"
 #include "impulses.hpp"
 #include "outline_filling.hpp"
-#include "participant_under_test.hpp"
 #include "pinball.hpp"
-#include "solid.hpp"
+#include "running_scene.hpp"
 
 namespace estuary::solid {
 namespace {
@@ -138,52 +136,6 @@ TEST(Pinball, RespectsTheThicknessOfAShellOnBothSides) {
   }
 }
 
-// A scene run window by window.
-class RunningImpact {
-public:
-  RunningImpact(const std::string& text, double window) : window_(window) {
-    Scene scene = Scene::parse(text, "scene.toml");
-    solid_.configure(scene, "solid");
-    for (const auto& problem : scene.problems()) ADD_FAILURE() << describe("scene.toml", problem);
-    static int number = 0;
-    folder_ = std::filesystem::temp_directory_path() /
-              ("solid-sph-impact-" + std::to_string(::getpid()) + "-" + std::to_string(++number));
-    solid_.start({}, folder_);
-  }
-  ~RunningImpact() { std::filesystem::remove_all(folder_); }
-  void run(int windows, bool repeat = false) {
-    for (int w = 0; w < windows; ++w) {
-      ++count_;
-      for (std::uint64_t iteration = 1; iteration <= (repeat ? 2U : 1U); ++iteration)
-        result_ = solid_.advance({.number = count_,
-                                  .iteration = iteration,
-                                  .mode = Mode::transient,
-                                  .time = window_ * static_cast<double>(count_ - 1),
-                                  .duration = window_},
-                                 {}, board_);
-      solid_.accept();
-    }
-  }
-  double value(const std::string& watch, const std::string& quantity) {
-    for (const auto& values : result_.watches)
-      if (values.name == watch)
-        for (const auto& [name, number] : values.quantities)
-          if (name == quantity) return number;
-    ADD_FAILURE() << "no " << watch << "." << quantity;
-    return 0;
-  }
-  Solid& solid() { return solid_; }
-  [[nodiscard]] const std::filesystem::path& folder() const { return folder_; }
-
-private:
-  Solid solid_;
-  AdvanceResult result_;
-  ProgressBoard board_;
-  double window_;
-  std::uint64_t count_ = 0;
-  std::filesystem::path folder_;
-};
-
 const char* const kImpactHead = R"(
 title = "impact"
 dimension = 2
@@ -233,7 +185,7 @@ body = "plate"
 )";
 
 TEST(Impact, AColumnStopsOnARigidPlateBehindItsHugoniotPressure) {
-  RunningImpact run(with_spacing(column_scene(150, 0.0125, kRigidPlate) + "held = [\"x\"]\n"), 1e-5);
+  test::RunningScene run(with_spacing(column_scene(150, 0.0125, kRigidPlate) + "held = [\"x\"]\n"), 1e-5);
   run.run(15);
   EXPECT_NEAR(run.value("inside", "pressure"), 1000 * 1450 * 150.0, 0.03 * 1000 * 1450 * 150.0);
   EXPECT_NEAR(run.value("plate", "contact_force_y"), -1000 * 1450 * 150 * 0.05,
@@ -250,7 +202,7 @@ TEST(Impact, RiemannProblemsBetweenParticlesGiveTheSameStepAndKeepEnergy) {
   std::string text = with_spacing(column_scene(150, 0.0125, kRigidPlate) + "held = [\"x\"]\n");
   text.replace(text.find("sound_speed = 1450"), 18,
                "sound_speed = 1450\ndissipation = \"riemann\"\nriemann_limiter = 1e3");
-  RunningImpact run(text, 1e-5);
+  test::RunningScene run(text, 1e-5);
   run.run(15);
   EXPECT_NEAR(run.value("inside", "pressure"), 1000 * 1450 * 150.0, 0.05 * 1000 * 1450 * 150.0);
   EXPECT_NEAR(run.value("plate", "contact_force_y"), -1000 * 1450 * 150 * 0.05,
@@ -272,7 +224,7 @@ kind = "rigid"
 box = { from = [-0.05, -0.2], to = [0.1, -0.1] }
 mass = 0.2
 )";
-  RunningImpact run(with_spacing(column_scene(80, 0.0125, bodies)), 1e-5);
+  test::RunningScene run(with_spacing(column_scene(80, 0.0125, bodies)), 1e-5);
   run.run(30);
   EXPECT_NEAR(run.value("all", "momentum_y"), -12.5 * 80, 1e-9 * 12.5 * 80);
   EXPECT_NEAR(run.value("all", "momentum_x"), 0, 1e-6);
@@ -283,17 +235,28 @@ mass = 0.2
 
 TEST(Impact, RepeatedWindowsAndARestartGiveTheSameBits) {
   const std::string text = with_spacing(column_scene(80, 0.0125, kRigidPlate));
-  RunningImpact one(text, 1e-5), two(text, 1e-5), three(text, 1e-5);
+  test::RunningScene one(text, 1e-5), two(text, 1e-5), three(text, 1e-5);
   one.run(6);
   two.run(6, true);
   EXPECT_EQ(one.value("all", "kinetic_energy"), two.value("all", "kinetic_energy"));
-  one.solid().save(one.folder() / "saved");
+  one.save();
+  three.go_on_from(one);
   one.run(4);
-  three.run(2);
-  three.solid().load(one.folder() / "saved");
   three.run(4);
   for (const char* quantity : {"kinetic_energy", "internal_energy", "total_energy", "contact_work"})
     EXPECT_EQ(one.value("all", quantity), three.value("all", quantity)) << quantity;
+}
+
+TEST(Impact, ThreadsDoNotChangeABitOfRiemannProblems) {
+  std::string text = with_spacing(column_scene(150, 0.003125, kRigidPlate) + "held = [\"x\"]\n");
+  text = replaced(text, "sound_speed = 1450", "sound_speed = 1450\ndissipation = \"riemann\"");
+  test::RunningScene one(text, 2e-6), two(text, 2e-6);
+  one.run(3);
+  omp_set_num_threads(3);
+  two.run(3);
+  omp_set_num_threads(1);
+  for (const char* quantity : {"kinetic_energy", "internal_energy", "total_energy", "viscous_work"})
+    EXPECT_EQ(one.value("all", quantity), two.value("all", quantity)) << quantity;
 }
 
 TEST(Impact, SaysWhatAFluidDoesNotHave) {

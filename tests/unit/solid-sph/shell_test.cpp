@@ -24,7 +24,7 @@ struct MadeShell {
 };
 
 std::unique_ptr<MadeShell> row(const std::vector<std::array<double, 2>>& points, double spacing,
-                          const ShellSection& section, bool closed = false) {
+                               const ShellSection& section, bool closed = false) {
   auto made = std::make_unique<MadeShell>();
   made->body = fill_row(points, closed, spacing, section);
   made->solver = std::make_unique<ShellSolver>(made->body, std::vector<ShellSection>{section});
@@ -267,6 +267,85 @@ TEST(Shell, TheStableStepIsJustThat) {
   };
   EXPECT_FALSE(grows(0.99));
   EXPECT_TRUE(grows(1.1));
+}
+
+TEST(Shell, ViscosityIsObjectiveKeepsMomentaAndOnlyTakesEnergy) {
+  ShellSection section = kSteel;
+  section.viscosity = {.linear = 0.2, .quadratic = 0.5, .shear = 0.2, .bending = 0.3};
+  const Body body = fill_row(arc(12, 1, 2.5), false, 0.3, section);
+  ShellRow row(body, {section});
+  const std::size_t n = body.size();
+  const std::vector<double> u = test::random_field(2 * n, 0.05, 3), turned = test::random_field(n, 0.3, 4),
+                            spin = test::random_field(n, 2, 5);
+  // What the velocity adds to forces and moments, and the power it takes.
+  const auto drag = [&](const std::vector<double>& velocity, const std::vector<double>& rate) {
+    std::vector<double> history(2 * n);
+    for (std::size_t i = 0; i < n; ++i) {
+      history[2 * i] = turned[i];
+      history[2 * i + 1] = rate[i];
+    }
+    Fields without(n), with(n);
+    row.evaluate(u, history, false, without);
+    const std::vector<double> still = row.moments();
+    row.turn(history, 0, 1, 1, true);
+    row.evaluate(u, history, false, with, velocity);
+    std::vector<double> result(3 * n);
+    for (std::size_t c = 0; c < 2 * n; ++c) result[c] = with.force[c] - without.force[c];
+    for (std::size_t i = 0; i < n; ++i) result[2 * n + i] = row.moments()[i] - still[i];
+    return result;
+  };
+  std::vector<double> velocity = test::random_field(2 * n, 1, 6);
+  const std::vector<double> force = drag(velocity, spin);
+  double fx = 0, fy = 0, moment = 0, power = 0, size = 0;
+  for (std::size_t i = 0; i < n; ++i) {
+    fx += force[2 * i];
+    fy += force[2 * i + 1];
+    moment += (body.position[2 * i] + u[2 * i]) * force[2 * i + 1] -
+              (body.position[2 * i + 1] + u[2 * i + 1]) * force[2 * i] + force[2 * n + i];
+    power -=
+        velocity[2 * i] * force[2 * i] + velocity[2 * i + 1] * force[2 * i + 1] + spin[i] * force[2 * n + i];
+    size = std::max(size, std::abs(force[2 * i]));
+  }
+  EXPECT_GT(size, 1);
+  EXPECT_NEAR(fx / size, 0, 1e-12);
+  EXPECT_NEAR(fy / size, 0, 1e-12);
+  EXPECT_NEAR(moment / size, 0, 1e-12);
+  EXPECT_NEAR(power / row.viscous_power(), 1, 1e-10);
+  EXPECT_GT(power, 0);
+  // Turning as one about the origin.
+  for (std::size_t i = 0; i < n; ++i) {
+    velocity[2 * i] = -3 * (body.position[2 * i + 1] + u[2 * i + 1]);
+    velocity[2 * i + 1] = 3 * (body.position[2 * i] + u[2 * i]);
+  }
+  for (const double f : drag(velocity, std::vector<double>(n, 3.0))) EXPECT_NEAR(f / size, 0, 1e-12);
+}
+
+TEST(Shell, ViscosityAndTheFilterOfNormalsCalmShortWavesAndBalanceTheEnergy) {
+  for (const double thickness : {0.01, 0.2})
+    for (const bool filter : {false, true})
+      for (const double courant : {0.8, 0.1}) {  // stable; accurate
+        ShellSection section = kSteel;
+        section.thickness = thickness;
+        if (filter)
+          section.viscosity.normal_filter = 0.003;
+        else
+          section.viscosity = {.linear = 0.2, .shear = 0.2, .bending = 0.2};
+        const auto made = clamped_row(20, section);
+        State state = at_rest(made->body);
+        state.history.assign(2 * made->body.size(), 0.0);
+        // Fibres that turn to and fro from particle to particle.
+        for (std::size_t i = 1; i < made->body.size(); ++i) state.history[2 * i + 1] = i % 2 == 0 ? 1 : -1;
+        const double start = made->solver->kinetic_energy(state);
+        const double step = courant * made->solver->reference_stable_step();
+        made->solver->advance(state, {}, 2400 * step, 2400, 0, test::no_monitor);
+        made->solver->set_history(state.history);
+        made->solver->evaluate(state.displacement);
+        const double left = made->solver->kinetic_energy(state) + made->solver->energy(state.displacement);
+        EXPECT_LT(left, 0.3 * start) << thickness << filter;
+        if (courant < 0.5) {
+          EXPECT_NEAR((left + state.viscous_work) / start, 1, 0.03) << thickness << filter;
+        }
+      }
 }
 
 }  // namespace
