@@ -78,7 +78,7 @@ TEST(Impulses, FrictionSticksOrSlidesByCoulombsLaw) {
 
 // One ball over a surface made of a polygon's contour.
 std::vector<ContactRow> rows_of(const std::vector<Polygon>& loops, double x, double y, ContactMember surface,
-                                double radius = 0) {
+                                double radius = 0, double correction = 0) {
   Body body = place_on_contours(loops, 0.1);
   body.fixed.assign(body.size(), 7);
   body.rigid.push_back(
@@ -91,7 +91,8 @@ std::vector<ContactRow> rows_of(const std::vector<Polygon>& loops, double x, dou
   ball.fixed = ball.edge = ball.member = {0};
   append(body, ball);
   surface.hardness = 1;
-  Pinball pinball(body, {.members = {surface, {.fluid = true, .radius = radius}}});
+  Pinball pinball(
+      body, {.members = {surface, {.fluid = true, .radius = radius}}, .penetration_correction = correction});
   const std::vector<double> rigid(6, 0.0);
   return pinball.find(body.position, rigid, 1e-3);
 }
@@ -109,6 +110,10 @@ TEST(Pinball, MeetsFacesCornersAndBothWallsOfANook) {
   EXPECT_NEAR(rows[0].gap, -0.01, 1e-12);
   EXPECT_NEAR(rows[0].direction[1], 1, 1e-12);
   EXPECT_EQ(rows[0].floor, 0);
+  // A share of the depth is taken back in a step of 1 ms.
+  rows = rows_of(square, 0.95, 0.99, {}, 0, 0.3);
+  ASSERT_EQ(rows.size(), 1U);
+  EXPECT_NEAR(rows[0].floor, 0.3 * 0.01 / 1e-3, 1e-9);
   // Outside of a corner: along the line of centres.
   rows = rows_of(square, 1.012, 1.016, {}, 0.01);
   ASSERT_EQ(rows.size(), 1U);
@@ -231,6 +236,42 @@ mass = 0.2
   EXPECT_NEAR(run.value("all", "total_energy"), 0.5 * 12.5 * 80 * 80, 0.02 * 0.5 * 12.5 * 80 * 80);
   EXPECT_GT(run.value("all", "contact_time"), 1e-4);
   EXPECT_GT(run.value("column", "velocity_y"), -79);
+}
+
+TEST(Impact, ABlockSlidesSlowerByFriction) {
+  test::RunningScene run(R"(
+dimension = 2
+[coupling]
+mode = "transient"
+window = 5e-3
+end_time = 1
+[solid]
+spacing = 0.02
+gravity = [0, -10]
+[[solid.body]]
+name = "block"
+kind = "rigid"
+box = { from = [0, 0], to = [0.1, 0.05] }
+mass = 2
+velocity = ["1", "0"]
+[[solid.body]]
+name = "floor"
+kind = "rigid"
+box = { from = [-0.2, -0.1], to = [0.6, 0] }
+mass = 1
+held = ["x", "y", "rotation"]
+[solid.contact]
+method = "pinball"
+friction = 0.3
+[[watch]]
+name = "block"
+participant = "solid"
+body = "block"
+)",
+                         5e-3);
+  run.run(20);
+  EXPECT_NEAR(run.value("block", "velocity_x"), 1 - 0.3 * 10 * 0.1, 0.01);
+  EXPECT_NEAR(run.value("block", "velocity_y"), 0, 1e-3);
 }
 
 // Where the column's rows of particles stand over the block's nodes must not matter to normals of the
