@@ -125,7 +125,7 @@ TEST(DrivenSurface, ARestartAndOtherThreadsGiveTheSameBits) {
   two.go_on_from(one);
   one.run(2);
   two.run(2);
-  omp_set_num_threads(3);
+  omp_set_num_threads(2);
   three.run(4);
   omp_set_num_threads(1);
   for (const DrivenColumn* other : {&two, &three}) {

@@ -318,7 +318,7 @@ TEST(Impact, ThreadsDoNotChangeABitOfRiemannProblems) {
   text = replaced(text, "sound_speed = 1450", "sound_speed = 1450\ndissipation = \"riemann\"");
   test::RunningScene one(text, 2e-6), two(text, 2e-6);
   one.run(3);
-  omp_set_num_threads(3);
+  omp_set_num_threads(2);
   two.run(3);
   omp_set_num_threads(1);
   for (const char* quantity : {"kinetic_energy", "internal_energy", "total_energy", "viscous_work"})
