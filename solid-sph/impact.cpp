@@ -246,9 +246,9 @@ double ImpactSolver::longest_step(const State& state, double courant) {
     step = std::min(step, courant * kSolidShare * stable / std::sqrt(std::max(1.0, solid_->stiffening())));
   }
   if (rows_)
-    step = std::min(
-        step,
-        courant * 2 / std::sqrt(rows_->squared_frequency() * std::max(1.0, rows_->largest_stiffening())));
+    step = std::min(step, courant * 2 /
+                              std::sqrt(rows_->squared_frequency(state.velocity, row_history_) *
+                                        std::max(1.0, rows_->largest_stiffening())));
   double fastest = 0;
   for (std::size_t i = 0; i < body_.size(); ++i)
     fastest = std::max(fastest, std::hypot(state.velocity[2 * i], state.velocity[2 * i + 1]));

@@ -250,7 +250,11 @@ void ImpactSolver::advance(State& state, const Loading& given, double duration, 
     if (rows_) {
       rows_->add_moments(loading, time, fraction);
       rows_->turn(row_history_, dt, decay, gain, true);
-      if (rows_->filters()) state.viscous_work += rows_->filter_normals(row_history_);
+      if (rows_->filters()) {
+        const auto [taken, work] = rows_->filter_normals(row_history_, loading, time, fraction);
+        state.viscous_work += taken;
+        state.external_work += work;
+      }
     }
     external.set(fraction, time, state.displacement);
     state.external_work += external.work();

@@ -49,6 +49,10 @@ double ShellSolver::reference_stable_step() {
   return stable_step_;
 }
 
+double ShellSolver::longest_step(const State& state, double courant) {
+  return courant * 2 / std::sqrt(row_.squared_frequency(state.velocity, history_));
+}
+
 double ShellSolver::kinetic_energy(const State& state) const {
   return Solver::kinetic_energy(state) + row_.kinetic_energy(state.history);
 }
@@ -147,7 +151,11 @@ void ShellSolver::advance(State& state, const Loading& given, double duration, s
     // Gravity's share on what is moved is counted with the rest of gravity's.
     state.external_work += external.work() + guide.work(fields_.force, {});
     kick(true);
-    if (row_.filters()) state.viscous_work += row_.filter_normals(history_);
+    if (row_.filters()) {
+      const auto [taken, work] = row_.filter_normals(history_, loading, time, fraction);
+      state.viscous_work += taken;
+      state.external_work += work;
+    }
     if (damping > 0) {
       state.viscous_work +=
           2 * dt * damping * (Solver::kinetic_energy(state) + row_.kinetic_energy(history_));

@@ -45,6 +45,7 @@ public:
   EquilibriumReport relax(std::vector<double>& displacement, const Loading& loading, double time,
                           const EquilibriumSettings& settings, const Monitor& monitor) override;
   double reference_stable_step() override;
+  double longest_step(const State& state, double courant) override;
   double kinetic_energy(const State& state) const override;
   double spin(const State& state) const override { return row_.spin(state.history); }
   const ShellRow* shells() const override { return &row_; }

@@ -41,9 +41,11 @@ ShellRow::ShellRow(const Body& body, std::vector<ShellSection> sections)
     breakable_ = breakable_ || section.rupture.any();
     remembers_ = remembers_ || section.plastic() || section.rupture.any();
     viscous_ = viscous_ || section.viscosity.any();
+    quadratic_ = quadratic_ || section.viscosity.quadratic > 0;
     filters_ = filters_ || section.viscosity.normal_filter > 0;
   }
   if (viscous_) rate_.assign(n, 0.0);
+  if (filters_) filtered_.assign(n, 0.0);
   for (std::size_t o = 0; o < body.outlines.size(); ++o) {
     const Outline& outline = body.outlines[o];
     const ShellSection& section = sections_[body.outline_member[o]];
@@ -118,7 +120,8 @@ void ShellRow::pull(std::span<const double> displacement, std::span<double> hist
            .shear_strain = gamma,
            .energy = 0,
            .stored = 0,
-           .viscous_power = 0};
+           .viscous_power = 0,
+           .viscous_moment = {}};
     return;
   }
   const ShellSection& section = sections_[link.member];
@@ -247,6 +250,13 @@ double ShellRow::moment_work(const Loading& loading, double time, double fractio
   return sum;
 }
 
+double ShellRow::turning_work(const Loading& loading, double time, double fraction,
+                              std::span<const double> angle) const {
+  double sum = 0;
+  visit_moments(loading, time, fraction, [&](std::uint32_t i, double moment) { sum += moment * angle[i]; });
+  return sum;
+}
+
 std::array<std::array<double, 2>, 2> ShellRow::fibre_motion(std::uint32_t particle,
                                                             std::span<const double> history) const {
   const std::uint32_t i = local_[particle];
@@ -285,28 +295,6 @@ double ShellRow::held_moment() const {
   for (std::size_t i = 0; i < size(); ++i)
     if (!turns(i)) sum -= moment_[i];
   return sum;
-}
-
-double ShellRow::squared_frequency() const {
-  double squared = 0;
-  for (const Link& link : links_) {
-    const ShellSection& s = sections_[link.member];
-    const double length = 4 / (link.length * link.length), shear = length + 12 / (s.thickness * s.thickness);
-    const double along = s.young_modulus / s.density * length,
-                 across = s.shear_correction * s.shear_modulus / s.density * shear;
-    squared = std::max({squared, along, across});
-    if (!s.viscosity.any()) continue;
-    // With the share z of critical damping, and velocities foreseen by the acceleration before, a step is
-    // stable up to 2 / (w (2 z + sqrt(1 + 4 z^2))).
-    const auto damped = [](double square, double share) {
-      return square * std::pow(2 * share + std::sqrt(1 + 4 * share * share), 2);
-    };
-    const double speed = std::sqrt(s.young_modulus / s.density), thin = std::min(link.length, s.thickness);
-    squared = std::max({squared,
-                        damped(along, std::max(s.viscosity.linear, s.viscosity.bending * thin / link.length)),
-                        damped(across, 0.5 * s.viscosity.shear * thin * speed * shear / std::sqrt(across))});
-  }
-  return squared;
 }
 
 double ShellRow::stiffening_at(std::size_t i) const {

@@ -65,8 +65,10 @@ public:
   [[nodiscard]] bool viscous() const { return viscous_; }
   [[nodiscard]] bool filters() const { return filters_; }
   /// Turns every free fibre towards the mean of itself and its neighbours, weighted by mass and kernel
-  /// (Maurel 2008, ch. 2). Returns the elastic energy that this takes, to first order [J/m].
-  double filter_normals(std::span<double> history);
+  /// (Maurel 2008, ch. 2). Returns the energy that this takes, and the work that the loading's moments do by
+  /// it, as added to the state last evaluated; both to first order [J/m].
+  std::array<double, 2> filter_normals(std::span<double> history, const Loading& loading, double time,
+                                       double fraction);
   /// Elastic energy set free by breaking [J/m].
   [[nodiscard]] double fracture_work(std::span<const double> history) const;
   /// Adds the moments of a loading at `time`, `fraction` of the window gone, to those of the state last
@@ -90,8 +92,15 @@ public:
   [[nodiscard]] double kinetic_energy(std::span<const double> history) const;  // of the rotation
   [[nodiscard]] double spin(std::span<const double> history) const;
   [[nodiscard]] double held_moment() const;
-  /// Largest squared frequency of a single link [1/s2], an upper bound of that of the rows.
+  /// Largest squared frequency of a single link at rest [1/s2], an upper bound of that of the rows; where
+  /// artificial viscosity wants still shorter steps, that for which the same steps are stable.
   [[nodiscard]] double squared_frequency() const;
+  /// The same with what artificial viscosity asks for in the state last evaluated: it grows with the
+  /// shortening of the links and, when quadratic, with the speed at which they close. `velocity`: of the
+  /// whole body; no link is taken to close slower than the fastest particle moves, because it may be stopped
+  /// at once.
+  [[nodiscard]] double squared_frequency(std::span<const double> velocity,
+                                         std::span<const double> history) const;
   /// How much the stretch stiffens at a particle of the rows, relative to rest.
   [[nodiscard]] double stiffening_at(std::size_t local) const;
   /// Of the mid-line: (N x' + T n) / h across it.
@@ -129,6 +138,7 @@ private:
     std::array<double, 2> force, shear, bending;  // N x' + T n + M n', T x', M x'
     double normal_force, shear_force, moment, stretch, shear_strain, energy, stored;
     double viscous_power;
+    std::array<double, 2> viscous_moment;  // on `a` and `b`, in their `moment_`
   };
   [[nodiscard]] const double* memory(std::span<const double> history, std::size_t link) const {
     return &history[2 * size() + kLinkHistory * link];
@@ -139,6 +149,11 @@ private:
   // Calls `work(local, moment)` for every particle on which the loading puts a moment.
   template <typename Work>
   void visit_moments(const Loading& loading, double time, double fraction, const Work& work) const;
+  // Of the loading's moments while particles turn by angles.
+  [[nodiscard]] double turning_work(const Loading& loading, double time, double fraction,
+                                    std::span<const double> angle) const;
+  // Of links at a stretch that close at a speed.
+  [[nodiscard]] double squared_frequency(const Link& link, double stretch, double closing) const;
   [[nodiscard]] double overload(std::span<const double> history, std::size_t link) const;
   void pull(std::span<const double> displacement, std::span<double> history, bool commit, std::size_t link,
             std::span<const double> velocity);
@@ -151,8 +166,9 @@ private:
 
   const Body& body_;
   std::vector<ShellSection> sections_;
-  bool remembers_ = false, breakable_ = false, viscous_ = false, filters_ = false;
-  std::vector<double> rate_;  // of the rotations, foreseen for the end of a step [1/s]; with viscosity
+  bool remembers_ = false, breakable_ = false, viscous_ = false, quadratic_ = false, filters_ = false;
+  std::vector<double> rate_;      // of the rotations, foreseen for the end of a step [1/s]; with viscosity
+  std::vector<double> filtered_;  // angles by which the filter turns the fibres [rad]; with a filter
   std::vector<std::uint32_t> particle_;  // of the body, ascending
   std::vector<std::uint32_t> local_;     // of every particle of the body
   std::vector<Link> links_;

@@ -28,6 +28,9 @@ void read_shell(SceneTable& table, BodyScene& body) {
     shell.viscosity.bending = viscosity->number_or("bending", 0, range);
     shell.viscosity.normal_filter =
         viscosity->number_or("normal_filter", 0, {.minimum = 0.0, .maximum = 0.5});
+    if (viscosity->keys().empty())
+      viscosity->problem(
+          "", "give at least one of `linear`, `quadratic`, `shear`, `bending` and `normal_filter`");
   }
   const Plasticity& plasticity = body.material.plasticity;
   if (plasticity.reference_rate > 0 || plasticity.damage_limit > 0)
@@ -38,6 +41,11 @@ void read_shell(SceneTable& table, BodyScene& body) {
 }
 
 void check_shells(SceneTable& solid, const SolidScene& scene) {
+  if (scene.mode == Mode::steady &&
+      std::any_of(scene.bodies.begin(), scene.bodies.end(), [](const BodyScene& body) {
+        return body.shell && (body.shell->viscosity.any() || body.shell->viscosity.normal_filter > 0);
+      }))
+    solid.problem("viscosity", "is of transient runs");
   if (!scene.shells()) return;
   if (scene.wet_contour) {
     if (std::any_of(scene.bodies.begin(), scene.bodies.end(),

@@ -22,9 +22,15 @@ namespace estuary::solid {
 /// What psi of the yield condition does.
 enum class Hinge { growing, section, skin };
 
-/// Artificial viscosity of a row's links, shares of critical damping of the shortest waves along it; 0: none.
+/// Artificial viscosity of a row's links; 0: none. With the links' length L, the thickness h and c^2 = E' /
+/// rho
 struct ShellViscosity {
-  double linear = 0, quadratic = 0;  // Monaghan's, of links that grow shorter
+  // Monaghan's, of links that grow shorter: shares of critical damping of the shortest waves along the row,
+  // `quadratic` times the speed at which a link closes over c.
+  double linear = 0, quadratic = 0;
+  // Times rho c min(L, h) and the section's area and moment. Of critical damping of the shortest waves
+  // `bending` is the share bending min(L, h) / L; `shear` (with k = 5/6 and nu = 0.3) 3.7 times itself at
+  // h = L and 3.2 times itself in thin shells.
   double shear = 0, bending = 0;
   double normal_filter = 0;  // share of the way to its neighbours' mean that a fibre turns in every step
 

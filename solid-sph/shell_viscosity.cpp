@@ -1,4 +1,4 @@
-// Artificial viscosity of shells, and the filter of their fibres.
+// Artificial viscosity of shells, the steps that are stable with it, and the filter of their fibres.
 #include <algorithm>
 #include <cmath>
 
@@ -6,6 +6,13 @@
 #include "shell_row.hpp"
 
 namespace estuary::solid {
+namespace {
+
+// Of the filter, in links: a support of two smoothing lengths reaches the next particle on both sides, and
+// not the one after it.
+constexpr double kSmoothingLength = 0.95;
+
+}  // namespace
 
 // Maurel's (2008, ch. 2) is of each link: Monaghan's along it, and a force across it in proportion to the
 // velocity across. The latter would brake a shell that turns as one, so here shear is braked by the rate of
@@ -41,6 +48,10 @@ std::array<double, 3> ShellRow::drag(std::size_t l, std::span<const double> velo
     force[0] = h / std::sqrt(squared) *
                (viscosity.linear * wide * rate -
                 viscosity.quadratic * section.density * link.length * link.length * rate * rate);
+  // x' times the fibre turned by a quarter; what the forces do on rotations is as in `gather`.
+  const double across_a = x[1] * na[0] - x[0] * na[1], across_b = x[1] * nb[0] - x[0] * nb[1],
+               half = 0.5 * link.length * force[1];
+  at_[l].viscous_moment = {(force[2] - half) * across_a, -(force[2] + half) * across_b};
   at_[l].viscous_power = link.length * (force[0] * stretching + force[1] * shearing + force[2] * bending);
   return force;
 }
@@ -51,27 +62,73 @@ double ShellRow::viscous_power() const {
   return sum;
 }
 
-double ShellRow::filter_normals(std::span<double> history) {
-  std::vector<double> change(size(), 0.0);
+double ShellRow::squared_frequency(const Link& link, double stretch, double closing) const {
+  const ShellSection& s = sections_[link.member];
+  const double length = 4 / (link.length * link.length), shear = length + 12 / (s.thickness * s.thickness);
+  const double along = s.young_modulus / s.density * length,
+               across = s.shear_correction * s.shear_modulus / s.density * shear;
+  double squared = std::max(along, across);
+  if (!s.viscosity.any()) return squared;
+  // With the share z of critical damping, and velocities foreseen by the acceleration before, a step is
+  // stable up to 2 / (w (2 z + sqrt(1 + 4 z^2))).
+  const auto damped = [](double square, double share) {
+    return square * std::pow(2 * share + std::sqrt(1 + 4 * share * share), 2);
+  };
+  const double speed = std::sqrt(s.young_modulus / s.density), thin = std::min(link.length, s.thickness);
+  // A force in proportion to the square of a rate has twice its share in small changes of the rate.
+  const double axial = (s.viscosity.linear + 2 * s.viscosity.quadratic * closing / speed) / stretch;
+  squared = std::max({squared, damped(along, std::max(axial, s.viscosity.bending * thin / link.length)),
+                      damped(across, 0.5 * s.viscosity.shear * thin * speed * shear / std::sqrt(across))});
+  return squared;
+}
+
+double ShellRow::squared_frequency() const {
+  double squared = 0;
+  for (const Link& link : links_) squared = std::max(squared, squared_frequency(link, 1, 0));
+  return squared;
+}
+
+double ShellRow::squared_frequency(std::span<const double> velocity, std::span<const double> history) const {
+  if (!viscous_) return squared_frequency();
+  double fastest = 0, squared = 0;
+  for (std::size_t i = 0; quadratic_ && i < velocity.size() / 2; ++i)
+    fastest = std::max(fastest, std::hypot(velocity[2 * i], velocity[2 * i + 1]));
+  for (std::size_t l = 0; l < links_.size(); ++l) {
+    const Link& link = links_[l];
+    if (broken(history, l)) continue;
+    const std::size_t pa = particle_[link.a], pb = particle_[link.b];
+    const double apart =
+        std::hypot(velocity[2 * pb] - velocity[2 * pa], velocity[2 * pb + 1] - velocity[2 * pa + 1]);
+    const double stretch = std::min(1.0, at_[l].stretch);
+    squared = std::max(squared, squared_frequency(link, stretch, std::max(apart, fastest) / stretch));
+  }
+  return squared > 0 ? squared : squared_frequency();
+}
+
+std::array<double, 2> ShellRow::filter_normals(std::span<double> history, const Loading& loading, double time,
+                                               double fraction) {
   double taken = 0;
   for (std::size_t i = 0; i < size(); ++i) {
+    filtered_[i] = 0;
     const double share = sections_[body_.member[particle_[i]]].viscosity.normal_filter;
     if (!(share > 0) || !turns(i)) continue;
-    // A support of two smoothing lengths reaches the next particle on both sides.
-    double weight = 0, sum = 0;
+    double weight = 0, sum = 0, moment = moment_[i];
     for (const std::uint32_t l : {before_[i], after_[i]}) {
       if (l == kNone || broken(history, l)) continue;
       const std::uint32_t j = links_[l].a == i ? links_[l].b : links_[l].a;
-      const double h = 0.95 * links_[l].length;
+      const double h = kSmoothingLength * links_[l].length;
       const double own = body_.mass[particle_[j]] * cubic_spline(links_[l].length, h) / cubic_spline(0, h);
       weight += own;
       sum += own * (history[2 * j] - history[2 * i]);
+      // Viscosity stores nothing that could be taken.
+      moment -= at_[l].viscous_moment[links_[l].a == i ? 0 : 1];
     }
-    change[i] = share * sum / (weight + body_.mass[particle_[i]]);
-    taken += moment_[i] * change[i];
+    filtered_[i] = share * sum / (weight + body_.mass[particle_[i]]);
+    taken += moment * filtered_[i];
   }
-  for (std::size_t i = 0; i < size(); ++i) history[2 * i] += change[i];
-  return taken;
+  const double work = turning_work(loading, time, fraction, filtered_);
+  for (std::size_t i = 0; i < size(); ++i) history[2 * i] += filtered_[i];
+  return {taken, work};
 }
 
 }  // namespace estuary::solid

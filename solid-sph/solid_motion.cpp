@@ -28,6 +28,7 @@ std::uint64_t Solid::steps_for(double duration) {
   double stable = solver_->reference_stable_step();
   solver_->evaluate(state_.displacement);
   stable /= std::sqrt(solver_->steepening());
+  if (const double now = solver_->longest_step(state_, 1); now > 0) stable = std::min(stable, now);
   const double stiffening = std::sqrt(std::max(1.0, solver_->stiffening()));
   // The wave through a spacing, and never beyond what the discrete operator itself allows.
   double elastic = std::min(scene_.courant_step(body_.spacing), 0.9 * stable) / stiffening;
