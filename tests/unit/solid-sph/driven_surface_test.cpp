@@ -119,6 +119,8 @@ TEST(DrivenSurface, AColumnStopsOnASurfaceThatGoesTowardsItAndGivesTheImpulseBac
 }
 
 TEST(DrivenSurface, ARestartAndOtherThreadsGiveTheSameBits) {
+  const int threads = omp_get_max_threads();
+  omp_set_num_threads(1);
   DrivenColumn one("0.003125"), two("0.003125"), three("0.003125");
   one.run(2);
   one.save();
@@ -127,7 +129,7 @@ TEST(DrivenSurface, ARestartAndOtherThreadsGiveTheSameBits) {
   two.run(2);
   omp_set_num_threads(2);
   three.run(4);
-  omp_set_num_threads(1);
+  omp_set_num_threads(threads);
   for (const DrivenColumn* other : {&two, &three}) {
     for (const char* quantity : {"kinetic_energy", "internal_energy", "total_energy", "contact_work"})
       EXPECT_EQ(one.value("all", quantity), other->value("all", quantity)) << quantity;
