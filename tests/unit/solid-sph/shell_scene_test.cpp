@@ -1,13 +1,13 @@
 // Shells as a participant: what a scene may ask for, its totals, a restart.
 #include <gtest/gtest.h>
 
+#include <omp.h>
 #include <unistd.h>
 
 #include <cmath>
 #include <filesystem>
 
-#include "participant_under_test.hpp"
-#include "solid.hpp"
+#include "running_scene.hpp"
 
 namespace estuary::solid {
 namespace {
@@ -91,6 +91,70 @@ TEST(ShellScene, RunsWithItsEnergyInBalanceAndGoesOnBitForBitAfterALoad) {
   EXPECT_FALSE(one.solid.frame(1, 6e-3).empty());
 }
 
+TEST(ShellScene, ViscousOnesGiveTheSameBitsInRepeatedWindowsAfterALoadAndWithOtherThreads) {
+  // Enough particles for several threads.
+  std::string text = replaced(kRing, "spacing = 0.1", "spacing = 0.005");
+  text = replaced(text, "closed = true",
+                  "closed = true\nviscosity = { linear = 0.2, quadratic = 1, shear = 0.2, bending = 0.2, "
+                  "normal_filter = 0.01 }\nvelocity = [\"0\", \"-1\"]");
+  text = replaced(text, "point = [0.2, 0.866]", "point = [0.05, 0.866]");  // where the moment is
+  const double window = 2e-4;
+  const int threads = omp_get_max_threads();
+  omp_set_num_threads(1);
+  test::RunningScene one(text, window), two(text, window), three(text, window), four(text, window);
+  one.run(2);
+  one.save();
+  three.run(1);
+  three.go_on_from(one);
+  one.run(1);
+  two.run(3, true);
+  three.run(1);
+  omp_set_num_threads(2);
+  four.run(3);
+  omp_set_num_threads(threads);
+  for (const test::RunningScene* other : {&two, &three, &four}) {
+    for (const char* quantity : {"displacement_y", "rotation", "angular_velocity"}) {
+      EXPECT_NE(one.value("top", quantity), 0) << quantity;
+      EXPECT_EQ(one.value("top", quantity), other->value("top", quantity)) << quantity;
+    }
+    for (const char* quantity : {"external_work", "viscous_work", "total_energy"})
+      EXPECT_EQ(one.value("totals", quantity), other->value("totals", quantity)) << quantity;
+  }
+  EXPECT_GT(one.value("totals", "viscous_work"), 0);
+}
+
+TEST(ShellScene, StrongQuadraticViscosityIsStableInAStrongShock) {
+  const std::string text = R"(
+dimension = 2
+[coupling]
+mode = "transient"
+window = 5e-6
+end_time = 1
+[solid]
+kind = "shell"
+polyline = [[0.0, 0.0], [0.2, 0.0]]
+thickness = 0.01
+spacing = 0.01
+density = 7800.0
+young_modulus = 2e11
+poisson_ratio = 0.0
+viscosity = { quadratic = 10 }
+velocity = ["-1500", "0"]
+[[solid.hold]]
+region = [[0.0, 0.0], [0.0, 0.0]]
+components = ["x"]
+[[watch]]
+name = "all"
+participant = "solid"
+)";
+  test::RunningScene strip(text, 5e-6);
+  strip.run(1);
+  const double before = strip.value("all", "total_energy");
+  strip.run(4);
+  EXPECT_NEAR(strip.value("all", "total_energy") / before, 1, 0.05);
+  EXPECT_GT(strip.value("all", "viscous_work"), 0.1 * before);
+}
+
 TEST(ShellScene, RefusesWhatShellsDoNotHave) {
   struct Refusal {
     const char *what, *with, *message;
@@ -103,6 +167,9 @@ TEST(ShellScene, RefusesWhatShellsDoNotHave) {
         Refusal{"poisson_ratio = 0.3", "poisson_ratio = 0.3\nrupture = { plastic_strain = 0.1 }",
                 "`yield_stress`"},
         Refusal{"poisson_ratio = 0.3", "poisson_ratio = 0.3\nrupture = {}", "at least one of"},
+        Refusal{"closed = true", "closed = true\nviscosity = {}", "`normal_filter`"},
+        Refusal{"mode = \"transient\"\nwindow = 1e-3\nend_time = 1e-2\n[solid]",
+                "mode = \"steady\"\n[solid]\nviscosity = { shear = 0.2 }", "transient runs"},
         Refusal{"poisson_ratio = 0.3", "poisson_ratio = 0.3\nwet = [\"left\"]", "single box"},
         Refusal{"poisson_ratio = 0.3",
                 "poisson_ratio = 0.3\nwet = [\"contour\"]\nrupture = { stretch = 0.1 }", "have to open"},

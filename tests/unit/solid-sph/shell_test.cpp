@@ -348,5 +348,28 @@ TEST(Shell, ViscosityAndTheFilterOfNormalsCalmShortWavesAndBalanceTheEnergy) {
       }
 }
 
+// A moment that is there at once, with all there is of viscosity: what it has done is the moment times the
+// rotation of the end, and nothing that viscosity makes is taken for stored.
+TEST(Shell, TheFilterBooksWhatAMomentDoesAndNothingThatViscosityMakes) {
+  ShellSection section = kSteel;
+  section.thickness = 0.1;
+  section.viscosity = {.linear = 0.2, .quadratic = 1, .shear = 2, .bending = 2, .normal_filter = 0.01};
+  const auto made = clamped_row(10, section);
+  State state = at_rest(made->body);
+  state.history.assign(2 * made->body.size(), 0.0);
+  for (std::size_t i = 1; i < made->body.size(); ++i) state.history[2 * i + 1] = i % 2 == 0 ? 10 : -10;
+  const double start = made->solver->kinetic_energy(state), moment = stiffness(section);
+  Loading loading;
+  loading.moments.push_back({.particle = {10}, .moment = moment, .factor = {}});
+  const double step = 0.1 * made->solver->reference_stable_step();
+  made->solver->advance(state, loading, 4000 * step, 4000, 0, test::no_monitor);
+  EXPECT_GT(state.history[20], 0.1);
+  EXPECT_NEAR(state.external_work / (moment * state.history[20]), 1, 1e-3);
+  made->solver->set_history(state.history);
+  made->solver->evaluate(state.displacement);
+  const double left = made->solver->kinetic_energy(state) + made->solver->energy(state.displacement);
+  EXPECT_NEAR((left + state.viscous_work - start) / state.external_work, 1, 0.01);
+}
+
 }  // namespace
 }  // namespace estuary::solid
