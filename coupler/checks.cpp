@@ -55,8 +55,10 @@ double time_of_passage(const WatchSeries& series, std::size_t from, std::size_t 
 
 double statistic_of(const WatchSeries& whole, const std::string& statistic, const WatchScene& watch) {
   WatchSeries series = whole;
+  // Times are multiples of the window, `to_time` is as somebody wrote it: they may differ by round-off.
+  const double last = watch.to_time * (1 + 1e-12);
   const auto count = static_cast<std::size_t>(
-      std::upper_bound(series.time.begin(), series.time.end(), watch.to_time) - series.time.begin());
+      std::upper_bound(series.time.begin(), series.time.end(), last) - series.time.begin());
   series.time.resize(count);
   series.value.resize(count);
   if (series.value.empty()) return missing;

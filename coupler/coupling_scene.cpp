@@ -327,7 +327,7 @@ void read_watches(SceneTable& root, CouplingScene& result) {
     watch.from_time = table.number_or("from_time", 0.0, Range::not_negative());
     if (table.has("to_time")) {
       watch.to_time = table.number("to_time", Range::positive());
-      if (!(watch.to_time > watch.from_time)) table.problem("to_time", "is later than `from_time`");
+      if (!(watch.to_time > watch.from_time)) table.problem("to_time", "is not later than `from_time`");
     }
     // Where to look is the participant's business.
     table.leave_to_others({"point", "line", "samples", "region", "grain", "wall", "from", "to", "obstacle",

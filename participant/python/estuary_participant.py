@@ -250,7 +250,7 @@ class Reception:
         same_machine = re.match(r"ipc://|tcp://(127\.|localhost:|\[::1\])", options.bind)
         self.reconnect_within = 0.0 if options.bind.startswith("ipc://") else options.reconnect_timeout
         self.out_of_reach_since = None
-        for option, value in ((zmq.ROUTER_MANDATORY, 1), (zmq.LINGER, 500), (zmq.MAXMSGSIZE, 256 << 20), (zmq.ROUTER_HANDOVER, 1),
+        for option, value in ((zmq.ROUTER_MANDATORY, 1), (zmq.LINGER, 500), (zmq.MAXMSGSIZE, 256 << 20), (zmq.ROUTER_HANDOVER, 1), (zmq.SNDTIMEO, 2000),
                               (zmq.HEARTBEAT_IVL, 300), (zmq.HEARTBEAT_TIMEOUT, 15000 if same_machine else 5000)):
             self.socket.setsockopt(option, value)
         if options.key:
@@ -272,12 +272,14 @@ class Reception:
         try:
             self.socket.send_multipart([client, reply.SerializeToString()])
         except zmq.ZMQError as error:
-            if error.errno != zmq.EHOSTUNREACH:
+            if error.errno not in (zmq.EHOSTUNREACH, zmq.EAGAIN):
                 raise
             if client != self.owner:
                 return
             now = time.monotonic()
-            self.out_of_reach_since = self.out_of_reach_since or now
+            if self.out_of_reach_since is None:
+                print(f"{self.participant.name}: the coupler is out of reach", file=sys.stderr)
+                self.out_of_reach_since = now
             if now - self.out_of_reach_since >= self.reconnect_within:
                 raise
         else:
