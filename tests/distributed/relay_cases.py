@@ -133,6 +133,7 @@ def case_cut_before_a_participant_in_python(place):
     text = (ROOT / "configs/fsi/viv-cylinder.toml").read_text().split("[[check]]")[0]
     for old, new in (("spacing = 0.0625", "spacing = 0.25"), ("time_step = 0.005", "time_step = 0.025"), ("end_time = 100.0", "end_time = 2.0"),
                      ("[-16.0, -16.0]", "[-4.0, -4.0]"), ("[40.0, 32.0]", "[12.0, 8.0]"), ("from_time = 70.0", "")):
+        expect(old in text, f"the scene has no '{old}' to make smaller")
         text = text.replace(old, new)
     text = text.replace("[fluid]", "[fluid]\nthreads = 1", 1)
     reference, out = place.folder / "undisturbed", place.folder / "out"
@@ -148,6 +149,7 @@ def case_cut_before_a_participant_in_python(place):
                 solid.relay.mend()
         run.expect_end(0)
         expect_same(out, reference, frames=False)
+        expect(solid.relay.connections >= 4, f"only {solid.relay.connections - 1} of three cuts were met")
         expect(summary(out)["recovery"]["relaunches"] == 0, f"a cut was taken for a loss: {run.said()}")
         return f"{solid.relay.connections - 1} times cut; {slowdown(out, reference)}"
 
