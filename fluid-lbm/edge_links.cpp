@@ -215,7 +215,10 @@ void EdgeLinks::add(const NearNode& from, const NearNode& to, int i, const Cells
   const double b_from = to.strength * std::max(0.0, 1 - from.distance);
   const double b_to = to.strength * std::max(0.0, 1 - to.distance);
   double fading = 0;
-  if (b_to > b_from) fading = (1 - cut) * (b_to - b_from) / (1 - b_from);
+  if (b_to > b_from) {
+    const double b = (b_to - b_from) / (1 - b_from);
+    fading = (1 - cut) * b / (1 + (1 - b) * holding_);
+  }
   const double share = cut + fading;
   if (share <= 0) return;
 

@@ -9,12 +9,19 @@
 // behind it, are closed gradually. With s the distances from the surface in spacings, e how near the edge is
 // (1 within two spacings, 0 beyond three and a half, taken at n), and B = e max(0, 1 - s), the share
 //
-//   b = (B_x - B_n) / (1 - B_n)   where positive
+//   b / (1 + (1 - b) c)   with   b = (B_x - B_n) / (1 - B_n)   where positive,   c = 1 / (tau - 1/2) - 1
 //
 // of what n would receive from x is replaced by the rule of links.hpp at n, for a wall at q = s_n / (s_n -
 // s_x) behind x, where a linear profile has the wall's velocity. When the surface passes x, b is 1 and q is
 // 1: the closed link that follows. Both parts are exact for a linear profile at a flat wall. The closed share
 // keeps the mass of n as in links.hpp; x is then a node of which only the part 1 - B belongs to the fluid.
+//
+// and c at least 0 and at most 4. Why not b itself: a small share holds the fluid back nearly as much as a
+// closed link does, the more so the smaller its viscosity, so that the flow would see most of the edge's way
+// through a cell in the first part of it. A weight of this form is known from partially saturated cells
+// (Noble, Torczynski 1998, with c = 1 / (tau - 1/2)); this c makes the lift of a bent bar grow evenly at tau
+// = 0.7 and 0.9 wherever its tip stands between the nodes (README of the coupler, FSI1). The bound: near tau
+// = 1/2 it would be a jump again.
 //
 // A corner can also cut a link between two fluid nodes twice, and lie between them with a chord of length h.
 // The share h / (h + e s) of such a link, s the smaller distance of its two nodes, follows the rule of
@@ -31,6 +38,7 @@
 // The scheme is this project's own; tests/unit/fluid-lbm/edge_links_test.cpp shows what it does to the jumps.
 #pragma once
 
+#include <algorithm>
 #include <array>
 #include <cstdint>
 #include <span>
@@ -47,8 +55,11 @@ class EdgeLinks {
 public:
   enum class Extent : std::uint8_t { edges, everywhere };
   EdgeLinks() = default;
-  explicit EdgeLinks(Extent extent, Ranks* ranks = nullptr)
-      : everywhere_(extent == Extent::everywhere), ranks_(ranks) {}
+  /// `relaxation_time` of the shear stress [steps], above one half.
+  EdgeLinks(Extent extent, double relaxation_time, Ranks* ranks = nullptr)
+      : everywhere_(extent == Extent::everywhere),
+        holding_(std::clamp(1 / (relaxation_time - 0.5) - 1, 0.0, 4.0)),
+        ranks_(ranks) {}
 
   /// Finds the edges of the surface and the links to close there. Costs nothing more without an edge.
   void build(const Surface& surface, const Cells& cells, const Populations& layout);
@@ -127,6 +138,7 @@ private:
            const Populations& layout);
 
   bool everywhere_ = false;
+  double holding_ = 0;  // c above
   Ranks* ranks_ = nullptr;
   mutable std::vector<Force> forces_;
   std::vector<Edge> edges_;

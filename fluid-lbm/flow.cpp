@@ -59,7 +59,7 @@ Flow::Flow(const FlowSettings& settings)
       rows_(settings.grid),
       obstacle_links_(settings.grid, settings.ranks),
       wet_links_(settings.grid, settings.ranks),
-      obstacle_edges_(EdgeLinks::Extent::edges, settings.ranks),
+      obstacle_edges_(EdgeLinks::Extent::edges, 1 / settings.rates.even, settings.ranks),
       saturated_(settings.grid, settings.ranks),
       bodies_(settings.grid, relaxation_of(settings), settings.ranks),
       solid_node_links_(settings.ranks),
@@ -104,7 +104,7 @@ void Flow::link_obstacles() {
 void Flow::set_wet_surface(std::size_t nodes, std::vector<std::uint32_t> connectivity,
                            EdgeLinks::Extent closing) {
   wet_.emplace(grid(), nodes, std::move(connectivity));
-  wet_edges_ = EdgeLinks(closing, settings_.ranks);
+  wet_edges_ = EdgeLinks(closing, 1 / settings_.rates.even, settings_.ranks);
   placed_.clear();
 }
 
