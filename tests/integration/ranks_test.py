@@ -397,6 +397,16 @@ class GoingOn(Case):
         return False
 
 
+class Launched(Case):
+    def test_inside_one_task_of_slurm(self):
+        """A processor for each rank's threads, and mpirun within it."""
+        host = '[hosts.fluid]\nlaunch = "slurm"\naddress = "tcp://node1:7000"\nfolder = "/tmp"\n'
+        scene = self.write("insecure = true\n" + SPRING.replace("[fluid]", host + "[fluid]\nranks = 2\nthreads = 3"))
+        done = subprocess.run([BIN / "coupler", "run", "--dry-run", scene], capture_output=True, text=True, timeout=60)
+        self.assertEqual(done.returncode, 0, done.stdout + done.stderr)
+        self.assertRegex(done.stdout, r"srun --ntasks=1 .*--cpus-per-task=6 .*mpirun -n 2 .*fluid-lbm-mpi .*--threads 3")
+
+
 class Refused(Case):
     def refused(self, text, *lines):
         done = subprocess.run([BIN / "coupler", "check", self.write(text)], capture_output=True, text=True, timeout=60)
@@ -417,10 +427,6 @@ class Refused(Case):
 
     def test_a_solver_of_somebody_else(self):
         self.refused(SPRING.replace("[fluid]", '[fluid]\nranks = 2\nsolver = "python3 my.py"'), "only fluid-lbm is shared among ranks")
-
-    def test_one_task_of_slurm(self):
-        host = '[hosts.fluid]\nlaunch = "slurm"\naddress = "tcp://node1:7000"\nfolder = "/tmp"\n'
-        self.refused(SPRING.replace("[fluid]", host + "[fluid]\nranks = 2"), "ranks need one each")
 
     def test_a_fluid_that_runs_alone(self):
         """Launched by hand, without mpirun."""
