@@ -1,6 +1,5 @@
 // Files that a scene names or that a run left. ESTUARY_READER_image, _mesh, _sample, _checkpoint,
 // _digest or _record says which.
-#include <sys/mman.h>
 #include <unistd.h>
 #include <cstddef>
 #include <cstdint>
@@ -107,10 +106,16 @@ void read(const std::filesystem::path& file) {
 
 namespace {
 #if !defined(ESTUARY_READER_image) && !defined(ESTUARY_READER_mesh)
-// A file in memory, the same one for all inputs: no disk is slowed down or worn out.
+// A file in memory, the same one for all inputs: no disk is slowed down or worn out. It has a name of its
+// own, without which HDF5 does not open it.
 const std::string& file_of(const std::uint8_t* data, std::size_t size) {
-  static const int descriptor = ::memfd_create("fuzz", 0);
-  static const std::string name = "/proc/self/fd/" + std::to_string(descriptor);
+  static std::string name = "/dev/shm/estuary-fuzz-XXXXXX";
+  static const int descriptor = [] {
+    const int opened = ::mkstemp(name.data());
+    if (opened < 0) std::abort();
+    std::atexit([] { ::unlink(name.c_str()); });
+    return opened;
+  }();
   if (::ftruncate(descriptor, static_cast<off_t>(size)) != 0 ||
       ::pwrite(descriptor, data, size, 0) != static_cast<ssize_t>(size))
     std::abort();
