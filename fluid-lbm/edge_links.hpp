@@ -16,12 +16,12 @@
 // 1: the closed link that follows. Both parts are exact for a linear profile at a flat wall. The closed share
 // keeps the mass of n as in links.hpp; x is then a node of which only the part 1 - B belongs to the fluid.
 //
-// and c at least 0 and at most 4. Why not b itself: a small share holds the fluid back nearly as much as a
-// closed link does, the more so the smaller its viscosity, so that the flow would see most of the edge's way
-// through a cell in the first part of it. A weight of this form is known from partially saturated cells
-// (Noble, Torczynski 1998, with c = 1 / (tau - 1/2)); this c makes the lift of a bent bar grow evenly at tau
-// = 0.7 and 0.9 wherever its tip stands between the nodes (README of the coupler, FSI1). The bound: near tau
-// = 1/2 it would be a jump again.
+// c is kept between 0 and 4. Why not b itself: a small share holds the fluid back nearly as much as a closed
+// link does, the more so the smaller its viscosity, so that the flow would see most of the edge's way through
+// a cell in the first part of it. A weight of this form is known from partially saturated cells (Noble,
+// Torczynski 1998, with c = 1 / (tau - 1/2)). This c was fitted to the lift of a bent bar at tau = 0.7 and
+// 0.9, which grows more evenly with it wherever the bar's tip stands between the nodes, though not quite
+// (README of the coupler, FSI1). The bound: near tau = 1/2 it would be a jump again.
 //
 // A corner can also cut a link between two fluid nodes twice, and lie between them with a chord of length h.
 // The share h / (h + e s) of such a link, s the smaller distance of its two nodes, follows the rule of
