@@ -215,7 +215,7 @@ void ColumnPairs::save(StateWriter& state) const {
 }
 
 void ColumnPairs::load(StateReader& state) {
-  pairs_.resize(state.count());
+  pairs_.resize(state.count_of_entries());
   const std::size_t size = std::accumulate(fields_.begin(), fields_.end(), std::size_t{0});
   for (std::size_t k = 0; k < pairs_.size(); ++k) {
     Pair& pair = pairs_[k];
@@ -249,6 +249,10 @@ void QuasiNewton::update(std::span<const double> residual, std::span<double> ite
   const auto fields = fields_for(settings_.fields, iterate.size());
   if (problems_.empty()) problems_.emplace_front(fields);
   if (problems_.front().count() == 0) problems_.front() = ColumnPairs(fields);
+  for (const ColumnPairs& problem : problems_) {
+    if (problem.count() > 0 && problem.fields() != fields)
+      throw std::runtime_error("what the acceleration has learnt belongs to another wet surface");
+  }
   std::vector<double> answer = answer_of(residual, iterate);
   std::vector<double> right(residual.size());
   for (std::size_t i = 0; i < right.size(); ++i) right[i] = -residual[i];
@@ -292,9 +296,9 @@ void QuasiNewton::load(StateReader& state) {
   std::vector<double> weights = state.list();
   if (weights.size() != weights_.weights().size()) throw std::runtime_error("another number of weights");
   weights_.set_weights(std::move(weights));
-  for (std::size_t left = state.count(); left > 0; --left) {
-    std::vector<std::size_t> fields;
-    for (const double length : state.list()) fields.push_back(static_cast<std::size_t>(length));
+  for (std::size_t left = state.count_of_entries(); left > 0; --left) {
+    std::vector<std::size_t> fields(state.count_of_entries());
+    for (std::size_t& length : fields) length = state.count();
     problems_.emplace_back(std::move(fields)).load(state);
   }
 }
@@ -307,8 +311,13 @@ void InterfaceQuasiNewton::save(StateWriter& state) const {
 
 void InterfaceQuasiNewton::load(StateReader& state) {
   QuasiNewton::load(state);
-  columns_of_window_.resize(state.count());
-  for (std::size_t& columns : columns_of_window_) columns = state.count();
+  columns_of_window_.resize(state.count_of_entries());
+  std::size_t left = problems_.empty() ? 0 : problems_.front().count();
+  for (std::size_t& columns : columns_of_window_) {
+    columns = state.count();
+    if (columns > left) throw std::runtime_error("windows with more columns than there are");
+    left -= columns;
+  }
 }
 
 void InterfaceQuasiNewton::begin_window() {

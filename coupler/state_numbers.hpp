@@ -41,9 +41,14 @@ public:
       throw std::runtime_error("a count is no whole number");
     return static_cast<std::size_t>(value);
   }
+  /// Of things that take one number each or more, so that no more memory is asked for than the list has.
+  std::size_t count_of_entries() {
+    const std::size_t entries = count();
+    require(entries);
+    return entries;
+  }
   std::vector<double> list() {
-    const std::size_t size = count();
-    require(size);
+    const std::size_t size = count_of_entries();
     std::vector<double> values(rest_.begin(), rest_.begin() + static_cast<std::ptrdiff_t>(size));
     rest_ = rest_.subspan(size);
     return values;

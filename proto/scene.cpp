@@ -30,6 +30,31 @@ std::shared_ptr<SceneNode> child(SceneNode& node, const std::string& key, const 
   return entry;
 }
 
+// toml++ (3.3) writes such keys without the quotes that they need, so that what a run keeps of its scene
+// could not be read again.
+void refuse_unwritable_keys(SceneDocument& document, const toml::node& node) {
+  if (const auto* array = node.as_array()) {
+    for (const auto& entry : *array) refuse_unwritable_keys(document, entry);
+  } else if (const auto* table = node.as_table()) {
+    for (auto&& [key, value] : *table) {
+      if (key.str().find_first_of("'\t\n") != std::string_view::npos)
+        note_at(document, key.source(), "a key has no apostrophes, tabulators and line breaks");
+      refuse_unwritable_keys(document, value);
+    }
+  }
+}
+
+// Strings in quotation marks and on one line: of those that toml++ (3.3) writes over several lines it loses a
+// line break at the beginning.
+std::string text_of(const toml::table& root) {
+  constexpr auto flags =
+      toml::toml_formatter::default_flags &
+      ~(toml::format_flags::allow_literal_strings | toml::format_flags::allow_multi_line_strings);
+  std::ostringstream stream;
+  stream << toml::toml_formatter(root, flags) << '\n';
+  return stream.str();
+}
+
 void refuse_unknown(SceneDocument& document, const SceneNode& node) {
   if (node.table == nullptr) return;
   for (auto&& [key, value] : *node.table) {
@@ -315,6 +340,7 @@ Scene Scene::parse(std::string_view text, std::string_view name, std::span<const
            {.message = fmt::format("override '{}': {}", shortened(text_of_override), error.what())});
     }
   }
+  refuse_unwritable_keys(document, document.root);
   return scene;
 }
 
@@ -335,10 +361,7 @@ const std::vector<SceneProblem>& Scene::problems() const {
 }
 
 std::string Scene::as_run() const {
-  if (document_->overrides.empty()) return document_->text;
-  std::ostringstream stream;
-  stream << toml::toml_formatter(document_->root) << '\n';
-  return stream.str();
+  return document_->overrides.empty() ? document_->text : text_of(document_->root);
 }
 
 std::string Scene::canonical(std::span<const std::string_view> without) const {
@@ -348,9 +371,7 @@ std::string Scene::canonical(std::span<const std::string_view> without) const {
     toml::table* table = dot == std::string_view::npos ? &root : root.at_path(path.substr(0, dot)).as_table();
     if (table != nullptr) table->erase(path.substr(dot == std::string_view::npos ? 0 : dot + 1));
   }
-  std::ostringstream stream;
-  stream << toml::toml_formatter(root) << '\n';
-  return stream.str();
+  return text_of(root);
 }
 
 std::string describe(std::string_view scene_name, const SceneProblem& problem) {

@@ -66,6 +66,31 @@ TEST_P(Kept, DamagedStatesAreRefused) {
   }
 }
 
+// Any number of a state may be another: what is a length asks for no more than there is, what is none is
+// taken.
+TEST_P(Kept, LengthsThatAreNotThereAreRefused) {
+  const AccelerationSettings settings{
+      .kind = GetParam().first, .relaxation = 0.3, .windows_reused = 2, .fields = GetParam().second};
+  const auto original = make_acceleration(settings);
+  for (const double load : {1.0, 1.3, 1.1}) window(*original, load);
+  StateWriter state;
+  original->save(state);
+  for (const double wrong : {9007199254740992.0, 1e6, -1.0, 3.0}) {
+    for (std::size_t place = 0; place < state.values().size(); ++place) {
+      auto values = state.values();
+      values[place] = wrong;
+      const auto copy = make_acceleration(settings);
+      StateReader reader(values);
+      try {
+        copy->load(reader);
+        reader.require_end();
+        window(*copy, 1.2);
+      } catch (const std::runtime_error&) {  // nothing else, and no memory that is not there
+      }
+    }
+  }
+}
+
 INSTANTIATE_TEST_SUITE_P(Accelerations, Kept,
                          testing::Values(std::pair(AccelerationKind::none, std::vector<std::size_t>{}),
                                          std::pair(AccelerationKind::aitken, std::vector<std::size_t>{}),

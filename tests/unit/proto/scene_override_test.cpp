@@ -169,5 +169,24 @@ TEST(SceneAsRun, WithOverridesReadsBackAsTheSameScene) {
   EXPECT_THAT(again.problems(), IsEmpty());
 }
 
+TEST(SceneAsRun, KeepsLineBreaksAndQuotesOfStrings) {
+  auto scene = Scene::parse("a = \"\\n'first\"\nb = \"it's \\\"so\\\"\"\nc = \"one\\n\\ntwo\\t\"\n",
+                            "lines.toml", std::vector<std::string>{"d=1"});
+  auto root = Scene::parse(scene.as_run(), "again.toml").root();
+  EXPECT_EQ(root.text("a"), "\n'first");
+  EXPECT_EQ(root.text("b"), "it's \"so\"");
+  EXPECT_EQ(root.text("c"), "one\n\ntwo\t");
+}
+
+TEST(SceneAsRun, KeysThatCouldNotBeReadAgainAreRefused) {
+  for (const std::string text_of_scene :
+       {"[\"it's\"]\n", "a = { \"b\\tc\" = 1 }\n", "a = [{\"b\\nc\" = 1}]\n"}) {
+    const auto scene = Scene::parse(text_of_scene, "keys.toml");
+    ASSERT_THAT(scene.problems(), SizeIs(1)) << text_of_scene;
+    EXPECT_EQ(scene.problems()[0].line, 1U);
+    EXPECT_THAT(scene.problems()[0].message, testing::StartsWith("a key has no apostrophes"));
+  }
+}
+
 }  // namespace
 }  // namespace estuary
