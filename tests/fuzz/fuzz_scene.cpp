@@ -13,22 +13,42 @@
 
 namespace {
 
-// Everything a solver may ask of its table.
-void ask(estuary::SceneTable table, int depth) {
+// Whatever a solver may ask of a key: one question for each, which follows from the input, so that a scene
+// that is asked costs no more than one that is read. Answers of other kinds are in other inputs.
+void ask(estuary::SceneTable table, unsigned question, int depth) {
   if (depth > 6) return;
   for (const auto& key : table.keys()) {
     (void)table.has(key);
-    (void)table.number_or(key, 1.0, estuary::Range::positive());
-    (void)table.integer_or(key, 1, -5, 5);
-    (void)table.boolean_or(key, true);
-    (void)table.text_or(key, "");
-    (void)table.texts_or_empty(key);
-    (void)table.numbers(key, 2);
-    (void)table.points(key, 3);
-    (void)table.expressions(key, 0);
-    (void)table.file(key);
-    for (auto& below : table.tables(key)) ask(below, depth + 1);
-    if (auto below = table.table_if(key)) ask(*below, depth + 1);
+    switch (question++ % 9) {
+      case 0:
+        (void)table.number_or(key, 1.0, estuary::Range::positive());
+        break;
+      case 1:
+        (void)table.integer_or(key, 1, -5, 5);
+        break;
+      case 2:
+        (void)table.boolean_or(key, true);
+        break;
+      case 3:
+        (void)table.text_or(key, "");
+        break;
+      case 4:
+        (void)table.texts_or_empty(key);
+        break;
+      case 5:
+        (void)table.numbers(key, 2);
+        break;
+      case 6:
+        (void)table.points(key, 3);
+        break;
+      case 7:
+        (void)table.expressions(key, 0);
+        break;
+      default:
+        (void)table.file(key);
+    }
+    for (auto& below : table.tables(key)) ask(below, question, depth + 1);
+    if (auto below = table.table_if(key)) ask(*below, question, depth + 1);
   }
 }
 
@@ -53,12 +73,15 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
     const auto again = estuary::Scene::parse(scene.as_run(), "again");
     if (!again.problems().empty() || again.canonical({}) != scene.canonical({})) std::abort();
   }
-  if (sound) (void)scene.canonical(without);
+  if (sound && !overrides.empty()) (void)scene.canonical(without);
   scene.confine_files("/tmp");
-  if (std::accumulate(data, data + size, 0U) % 2 == 0) {
+  const unsigned sum = std::accumulate(data, data + size, 0U);
+  if (!sound) {
+    // Nobody reads a scene that is none.
+  } else if (sum % 2 == 0) {
     (void)estuary::coupler::read_coupling_scene(scene);
   } else {
-    ask(scene.root(), 0);
+    ask(scene.root(), sum / 2, 0);
   }
   for (const auto& problem : scene.problems()) (void)estuary::describe("fuzz", problem);
   return 0;

@@ -1,7 +1,7 @@
 // HDF5 alone, to tell its leaks from ours: opens a file three times, which is refused.
 //   clang -fsanitize=address -I/usr/include/hdf5/serial tests/fuzz/hdf5_alone.c
 //   -L/usr/lib/x86_64-linux-gnu/hdf5/serial -lhdf5 ASAN_OPTIONS=fast_unwind_on_malloc=0 ./a.out
-//   tests/fuzz/corpus/checkpoint/leak-of-hdf5.h5
+//   tests/fuzz/corpus/hdf5/leak-of-hdf5.h5
 // HDF5 1.10.8 loses 56 bytes each time: a message of the root group's header, in H5O_protect below H5Fopen.
 #include <hdf5.h>
 #include <stdio.h>
