@@ -179,6 +179,8 @@ void RoundBodies::find_links(const Cells& cells, const Populations& layout) {
     }
   }
   links_.finish(bodies_.count());
+  // For the loads that ranks share in each step, in which no memory is asked for.
+  if (ranks_ != nullptr) of_step_.reserve(bodies_.count() + links_.counts().links);
 }
 
 RoundBodies::Wall RoundBodies::nearest(Node node) const {

@@ -1,7 +1,9 @@
 """A fluid that several processes share: memory that ends on one of them, damaged checkpoints, another picture on another host."""
+import glob
 import json
 import os
 import shutil
+import time
 import zlib
 
 from driver import PROGRAMS, ROOT, Run, expect, expect_same, finished
@@ -48,21 +50,44 @@ def on_the_second_rank(place, command):
     return program
 
 
+def address_space_of_a_rank(place):
+    """The most that one of the fluid's processes has mapped in an undisturbed run, as ulimit counts it [kB]."""
+    run = Run(place.write("whole.toml", WIDE.format(solver=PROGRAMS / "fluid-lbm")), place.folder / "whole", "--no-report", limit=60)
+    most = {}
+    while run.process.poll() is None:
+        for status in glob.glob("/proc/[0-9]*/status"):
+            try:
+                with open(status.replace("status", "cmdline")) as words, open(status) as lines:
+                    if f"{place.folder}/whole/fluid" in words.read():
+                        most[status] = next(int(line.split()[1]) for line in lines if line.startswith("VmPeak"))
+            except (OSError, StopIteration):
+                continue
+        time.sleep(0.005)
+    run.expect_end(0)
+    expect(len(most) >= 2, f"{len(most)} processes of the fluid were seen")
+    return max(most.values())
+
+
 def case_out_of_memory_on_a_rank(place):
-    """However far it gets: the line says so, and nobody waits for ever."""
+    """However far it gets: the line says so, and nobody waits for ever. Less and less of what it maps when it may, until three limits were felt."""
     if why := without_mpirun():
         return why
-    ended = []
-    for kilobytes in (420_000, 340_000, 330_000, 300_000, 280_000):
-        solver = on_the_second_rank(place, f"ulimit -v {kilobytes}")
-        run = Run(place.write("wide.toml", WIDE.format(solver=solver)), place.folder / f"out-{kilobytes}", "--no-report", limit=60)
+    whole = address_space_of_a_rank(place)
+    felt = []
+    for percent in (110, *range(85, 40, -5)):
+        solver = on_the_second_rank(place, f"ulimit -v {whole * percent // 100}")
+        run = Run(place.write("wide.toml", WIDE.format(solver=solver)), place.folder / f"out-{percent}", "--no-report", limit=60)
         status = run.end()
         said = run.said() + (run.out / "log/fluid.log").read_text()
-        expect(status == 0 or (status == 4 and "out of memory" in said), f"{kilobytes} kB: exit status {status}: {said}")
-        expect(not run.participants(), "processes were left behind")
-        ended.append(status)
-    expect(4 in ended, f"no limit was felt: {ended}")
-    return f"{ended.count(4)} of {len(ended)} limits felt"
+        expect(status in (0, 4) and not run.participants(), f"{percent} % of {whole} kB: exit status {status}, {run.participants()}: {said}")
+        expect(status == 4 or not felt, f"{percent} % of {whole} kB were enough, {felt[-1:]} were not")
+        # Where not even MPI can begin, that is what is said.
+        expect(status == 0 or "out of memory" in said or felt, f"{percent} % of {whole} kB: {said}")
+        felt += [percent] if status == 4 else []
+        if len(felt) == 3:
+            break
+    expect(len(felt) == 3 and felt[0] < 110, f"felt: {felt} % of {whole} kB")
+    return f"felt at {felt} % of {whole} kB"
 
 
 def halfway(scene, out, *options):
