@@ -173,11 +173,18 @@ void ImpactSolver::copy_fields() {
 }
 
 std::int64_t ImpactSolver::evaluate(std::span<const double> displacement) {
+  const bool known = history_.size() >= density_.size() &&
+                     std::equal(displacement.begin(), displacement.end(), settled_.begin(), settled_.end()) &&
+                     std::equal(density_.rbegin(), density_.rend(), history_.rbegin());
   spread_history(history_);
   place(displacement);
-  fluid_velocity_.assign(fluid_position_.size(), 0.0);
-  std::int64_t bad = fluid_.measure(fluid_position_, fluid_velocity_, 0, density_);
-  fluid_.find_forces(fluid_position_, fluid_velocity_, density_);
+  std::int64_t bad = 0;
+  if (!known) {
+    fluid_velocity_.assign(fluid_position_.size(), 0.0);
+    bad += fluid_.measure(fluid_position_, fluid_velocity_, 0, density_);
+    fluid_.find_forces(fluid_position_, fluid_velocity_, density_);
+    settled_.assign(displacement.begin(), displacement.end());
+  }
   if (solid_) bad += solid_->evaluate(solid_displacement_);
   copy_fields();
   if (rows_) bad += rows_->evaluate(displacement, row_history_, false, fields_);
@@ -235,8 +242,11 @@ double ImpactSolver::stretch_across(std::size_t i) const {
   return is_fluid_[i] != 0 || is_shell_[i] != 0 || local_[i] == kNone ? 1 : solid_->stretch_across(local_[i]);
 }
 
+// Evaluates what the bound depends on: not the fluid's forces.
 double ImpactSolver::longest_step(const State& state, double courant) {
   double step = std::numeric_limits<double>::infinity();
+  spread_history(history_);
+  place(state.displacement);
   copy_out(fluid_particle_, state.velocity, fluid_velocity_);
   if (!fluid_particle_.empty()) step = courant * kFluidShare * fluid_.stable_step(fluid_velocity_, density_);
   if (solid_) {
@@ -245,10 +255,12 @@ double ImpactSolver::longest_step(const State& state, double courant) {
     stable /= std::sqrt(solid_->steepening());
     step = std::min(step, courant * kSolidShare * stable / std::sqrt(std::max(1.0, solid_->stiffening())));
   }
-  if (rows_)
+  if (rows_) {
+    rows_->evaluate(state.displacement, row_history_, false, fields_);
     step = std::min(step, courant * 2 /
                               std::sqrt(rows_->squared_frequency(state.velocity, row_history_) *
-                                        std::max(1.0, rows_->largest_stiffening())));
+                                        rows_->largest_stiffening()));
+  }
   double fastest = 0;
   for (std::size_t i = 0; i < body_.size(); ++i)
     fastest = std::max(fastest, std::hypot(state.velocity[2 * i], state.velocity[2 * i + 1]));

@@ -99,6 +99,8 @@ private:
   std::vector<double> position_, velocity_, before_;  // before: at the kick's start
   std::vector<double> fluid_position_, fluid_velocity_, density_;
   std::vector<double> solid_displacement_, solid_velocity_;
+  // Displacement of the state that the fluid has its forces of: a window's end is not measured again.
+  std::vector<double> settled_;
   std::vector<double> external_;     // loads on particles [N/m]
   std::vector<double> impulse_;      // of contact on each body in this window, 2 each [N s/m]
   std::uint32_t surface_first_ = 0;  // first particle of the driven surface

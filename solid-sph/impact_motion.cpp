@@ -45,6 +45,7 @@ bool ImpactSolver::bend_shells(const State& state, bool commit) {
 }
 
 bool ImpactSolver::find_forces(State& state, double time_step, std::uint64_t step) {
+  settled_.clear();
   place(state.displacement);
   Stopwatch watch;
   copy_out(fluid_particle_, state.velocity, fluid_velocity_);
@@ -272,6 +273,7 @@ void ImpactSolver::advance(State& state, const Loading& given, double duration, 
     std::copy(loading.surface->end_velocity.begin(), loading.surface->end_velocity.end(),
               state.velocity.begin() + 2 * static_cast<std::ptrdiff_t>(surface_first_));
   state.history = history_ = gathered_history();
+  settled_ = state.displacement;
   state.time = start + duration;
   state.external_work += gravity_work();
 }

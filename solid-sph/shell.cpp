@@ -50,7 +50,8 @@ double ShellSolver::reference_stable_step() {
 }
 
 double ShellSolver::longest_step(const State& state, double courant) {
-  return courant * 2 / std::sqrt(row_.squared_frequency(state.velocity, history_));
+  return courant * 2 /
+         std::sqrt(row_.squared_frequency(state.velocity, history_) * row_.largest_stiffening());
 }
 
 double ShellSolver::kinetic_energy(const State& state) const {

@@ -2,13 +2,17 @@
 // its fibre across the thickness (Mindlin-Reissner). A section of a cylindrical shell in plane strain, or a
 // beam of unit width in plane stress; total Lagrangian, stresses at points between the particles.
 //
-// With the mid-line x(s), its reference X(s), the fibre n(theta) and its reference n_0,
-//     membrane   E = 1/2 (x'.x' - X'.X'),         N = E' h E
-//     shear      gamma = x'.n - X'.n_0,           T = k G h gamma
-//     bending    kappa = x'.n' - X'.n_0',         M = E' h^3 / 12 kappa
-// (Maurel 2008, ch. 2, with the non-linear terms; E' = E / (1 - nu^2) in plane strain), and from the energy
+// With the mid-line x(s) and the rotation theta(s), which turns the reference's tangent and normal into t
+// and n,
+//     membrane   E = 1/2 ((x'.t)^2 - 1),          N = E' h E  along t, times x'.t
+//     shear      gamma = x'.n,                    T = k G h gamma  along n
+//     bending    kappa = -theta',                 M = E' h^3 / 12 kappa
+// (Reissner 1972; Simo 1985; E' = E / (1 - nu^2) in plane strain), and from the energy
 // 1/2 (N E + T gamma + M kappa) per length
-//     rho h x'' = (N x' + T n + M n')' + load,  rho h^3/12 theta'' = -d(energy)/d(theta) + moment.
+//     rho h x'' = (N (x'.t) t + T n)' + load,  rho h^3/12 theta'' = -d(energy)/d(theta) + moment.
+// To first order in the strains this is Maurel's (2008, ch. 2), whose 1/2 (x'.x' - 1), x'.n and x'.n' take
+// the fibres themselves. A link then bears its moment times the cosine of half the angle between its ends:
+// a hinge, which gathers in one link, gives way as it turns, the sooner the shorter the links are.
 // Stress points lie half-way between particles, where differences of neighbours are exact to second order;
 // one of them per link neither locks in shear however thin the shell is, nor leaves an alternating mode.
 // Momentum and angular momentum are conserved to round-off. Plasticity and rupture: shell_section.hpp.

@@ -80,11 +80,6 @@ ShellRow::ShellRow(const Body& body, std::vector<ShellSection> sections)
     fibre_angle_[i] = std::atan2(t[0], -t[1]);
     rest_fibre_.push_back(normal_of(fibre_angle_[i]));
   }
-  for (Link& link : links_) {
-    const Vector na = rest_fibre_[link.a], nb = rest_fibre_[link.b];
-    link.shear_rest = 0.5 * (inner(link.tangent, na) + inner(link.tangent, nb));
-    link.curvature_rest = (inner(link.tangent, nb) - inner(link.tangent, na)) / link.length;
-  }
   at_.resize(links_.size());
   fibre_ = rest_fibre_;
 }
@@ -98,77 +93,74 @@ void ShellRow::pull(std::span<const double> displacement, std::span<double> hist
   const Link& link = links_[l];
   LinkState& now = at_[l];
   const std::size_t pa = particle_[link.a], pb = particle_[link.b];
-  Vector x{}, mean{}, slope{};
-  const Vector &na = fibre_[link.a], &nb = fibre_[link.b];
-  for (std::size_t c = 0; c < 2; ++c) {
+  Vector x{};
+  for (std::size_t c = 0; c < 2; ++c)
     x[c] = link.tangent[c] + (displacement[2 * pb + c] - displacement[2 * pa + c]) / link.length;
-    mean[c] = 0.5 * (na[c] + nb[c]);
-    slope[c] = (nb[c] - na[c]) / link.length;
-  }
-  const double squared = inner(x, x), gamma = inner(x, mean) - link.shear_rest,
-               kappa = inner(x, slope) - link.curvature_rest;
-  now.stretch = std::sqrt(squared);
-  now.shear_strain = gamma;
+  const double turned = 0.5 * (history[2 * link.a] + history[2 * link.b]), cosine = std::cos(turned),
+               sine = std::sin(turned);
+  Strain strain{};
+  strain.tangent = {cosine * link.tangent[0] - sine * link.tangent[1],
+                    sine * link.tangent[0] + cosine * link.tangent[1]};
+  strain.normal = {-strain.tangent[1], strain.tangent[0]};
+  strain.along = inner(x, strain.tangent);
+  strain.shear = inner(x, strain.normal);
+  strain.curvature = (history[2 * link.a] - history[2 * link.b]) / link.length;
+  const double stretch = std::sqrt(inner(x, x));
   if (broken(history, l)) {
-    now = {.force = {},
-           .shear = {},
-           .bending = {},
-           .normal_force = 0,
-           .shear_force = 0,
-           .moment = 0,
-           .stretch = now.stretch,
-           .shear_strain = gamma,
-           .energy = 0,
-           .stored = 0,
-           .viscous_power = 0,
-           .viscous_moment = {}};
+    now = LinkState{};
+    now.stretch = stretch;
+    now.shear_strain = strain.shear;
     return;
   }
+  now.whole = true;
+  now.stretch = stretch;
+  now.shear_strain = strain.shear;
   const ShellSection& section = sections_[link.member];
+  SectionVector all{};
   if (section.plastic()) {
     double* own = &history[2 * size() + kLinkHistory * l];
-    // The membrane strain is ln s: work-conjugate to N s^2, N that of 1/2 (s^2 - 1).
+    // The membrane strain is ln(x'.t): what does work on it is the force along times x'.t.
     const SectionAnswer answer =
-        flow(section, {0.5 * std::log(squared), gamma, kappa}, own, commit ? own : nullptr);
-    now.normal_force = answer.resultant.membrane / squared;
-    now.shear_force = answer.resultant.shear;
-    now.moment = answer.resultant.bending;
+        flow(section, {std::log(strain.along), strain.shear, strain.curvature}, own, commit ? own : nullptr);
+    all = answer.resultant;
+    all.membrane /= strain.along;
     now.stored = link.length * answer.stored;
     now.energy = now.stored + (commit ? 0 : link.length * answer.dissipated);
   } else {
-    const double e = 0.5 * (squared - 1);
-    now.normal_force = link.membrane * e;
-    now.shear_force = link.shear * gamma;
-    now.moment = link.bending * kappa;
+    const double e = 0.5 * (strain.along * strain.along - 1);
+    all = {link.membrane * e * strain.along, link.shear * strain.shear, link.bending * strain.curvature};
     now.energy = now.stored =
-        0.5 * link.length * (now.normal_force * e + now.shear_force * gamma + now.moment * kappa);
+        0.5 * link.length *
+        (link.membrane * e * e + all.shear * strain.shear + all.bending * strain.curvature);
   }
-  std::array<double, 3> all{now.normal_force, now.shear_force, now.moment};
+  now.normal_force = all.membrane;
+  now.shear_force = all.shear;
+  now.moment = all.bending;
   if (!velocity.empty()) {
-    const auto more = drag(l, velocity, x, mean, slope);
-    for (std::size_t k = 0; k < 3; ++k) all[k] += more[k];
+    const SectionVector more = drag(l, velocity, strain);
+    all.membrane += more.membrane;
+    all.shear += more.shear;
+    all.bending += more.bending;
   }
-  for (std::size_t c = 0; c < 2; ++c) {
-    now.force[c] = all[0] * x[c] + all[1] * mean[c] + all[2] * slope[c];
-    now.shear[c] = all[1] * x[c];
-    now.bending[c] = all[2] * x[c];
-  }
+  for (std::size_t c = 0; c < 2; ++c)
+    now.force[c] = all.membrane * strain.tangent[c] + all.shear * strain.normal[c];
+  now.couple = couple(link, strain, all);
 }
 
 void ShellRow::gather(std::span<const double> displacement, std::size_t i, Fields& fields) {
   const std::size_t p = particle_[i];
-  const Vector normal = fibre_[i], across{-normal[1], normal[0]};  // and its derivative by the angle
+  const Vector normal = fibre_[i];
   Vector force{};
   double moment = 0;
   if (after_[i] != kNone) {
     const LinkState& link = at_[after_[i]];
     for (std::size_t c = 0; c < 2; ++c) force[c] += link.force[c];
-    moment += inner(link.bending, across) - 0.5 * links_[after_[i]].length * inner(link.shear, across);
+    moment += link.couple[0];
   }
   if (before_[i] != kNone) {
     const LinkState& link = at_[before_[i]];
     for (std::size_t c = 0; c < 2; ++c) force[c] -= link.force[c];
-    moment -= inner(link.bending, across) + 0.5 * links_[before_[i]].length * inner(link.shear, across);
+    moment += link.couple[1];
   }
   for (std::size_t c = 0; c < 2; ++c) fields.force[2 * p + c] += force[c];
   moment_[i] = moment;
@@ -300,14 +292,16 @@ double ShellRow::held_moment() const {
 double ShellRow::stiffening_at(std::size_t i) const {
   double value = 1;
   for (const std::uint32_t l : {before_[i], after_[i]})
-    if (l != kNone) value = std::max(value, stretched(at_[l].stretch, sections_[links_[l].member].plastic()));
+    if (l != kNone && at_[l].whole)
+      value = std::max(value, stretched(at_[l].stretch, sections_[links_[l].member].plastic()));
   return value;
 }
 
 double ShellRow::largest_stiffening() const {
   double value = 1;
   for (std::size_t l = 0; l < links_.size(); ++l)
-    value = std::max(value, stretched(at_[l].stretch, sections_[links_[l].member].plastic()));
+    if (at_[l].whole)
+      value = std::max(value, stretched(at_[l].stretch, sections_[links_[l].member].plastic()));
   return value;
 }
 
@@ -330,7 +324,7 @@ std::array<double, 4> ShellRow::section_at(std::size_t i, std::span<const double
   double links = 0;
   for (const std::uint32_t l : {before_[i], after_[i]}) {
     if (l == kNone) continue;
-    value[0] += at_[l].normal_force * at_[l].stretch;
+    value[0] += at_[l].normal_force;
     value[1] += at_[l].shear_force;
     value[2] += at_[l].moment;
     if (remembers_) value[3] += memory(history, l)[3];

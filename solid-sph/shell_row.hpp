@@ -117,6 +117,7 @@ public:
   void relaxation_masses(std::vector<double>& mass, std::vector<double>& inertia) const;
   /// Forces that rounding alone leaves [N/m].
   [[nodiscard]] double round_off() const;
+  /// Of the links that are whole, in the state last evaluated.
   [[nodiscard]] double largest_stiffening() const;
   [[nodiscard]] std::vector<double>& moments() { return moment_; }
   [[nodiscard]] bool turns(std::size_t local) const {
@@ -129,16 +130,22 @@ private:
   struct Link {
     std::uint32_t a, b;
     double length;
-    std::array<double, 2> tangent;      // reference
-    double shear_rest, curvature_rest;  // X'.n_0, X'.n_0'
-    double membrane, shear, bending;    // E' h, k G h, E' h^3 / 12
+    std::array<double, 2> tangent;    // reference
+    double membrane, shear, bending;  // E' h, k G h, E' h^3 / 12
     std::uint32_t member;
   };
+  // Of a link's motion: its frame, turned by the mean of its ends' rotations, and what it sees in it.
+  struct Strain {
+    std::array<double, 2> tangent, normal;
+    double along, shear, curvature;  // x'.t, x'.n, -theta'
+  };
   struct LinkState {
-    std::array<double, 2> force, shear, bending;  // N x' + T n + M n', T x', M x'
-    double normal_force, shear_force, moment, stretch, shear_strain, energy, stored;
+    std::array<double, 2> force, couple;       // on `a`; on both in their `moment_`
+    double normal_force, shear_force, moment;  // along the frame [N/m], and [N m/m]
+    double stretch, shear_strain, energy, stored;
+    bool whole;  // not before the first evaluation
     double viscous_power;
-    std::array<double, 2> viscous_moment;  // on `a` and `b`, in their `moment_`
+    std::array<double, 2> viscous_couple;  // in `couple`
   };
   [[nodiscard]] const double* memory(std::span<const double> history, std::size_t link) const {
     return &history[2 * size() + kLinkHistory * link];
@@ -157,11 +164,14 @@ private:
   [[nodiscard]] double overload(std::span<const double> history, std::size_t link) const;
   void pull(std::span<const double> displacement, std::span<double> history, bool commit, std::size_t link,
             std::span<const double> velocity);
+  // What forces and a moment of a link do on the rotations of its ends.
+  static std::array<double, 2> couple(const Link& link, const Strain& strain, const SectionVector& s) {
+    const double both = -0.5 * link.length * (s.membrane * strain.shear - s.shear * strain.along);
+    return {both - s.bending, both + s.bending};
+  }
   // Viscous normal force, shear force and moment of a link, work-conjugate like the elastic ones; notes what
-  // they take. `x`, `mean`, `slope`: x', the mean fibre and n'.
-  std::array<double, 3> drag(std::size_t link, std::span<const double> velocity,
-                             const std::array<double, 2>& x, const std::array<double, 2>& mean,
-                             const std::array<double, 2>& slope);
+  // they take.
+  SectionVector drag(std::size_t link, std::span<const double> velocity, const Strain& strain);
   void gather(std::span<const double> displacement, std::size_t local, Fields& fields);
 
   const Body& body_;

@@ -19,40 +19,31 @@ constexpr double kSmoothingLength = 0.95;
 // the shear strain, and bending by that of the curvature: with the strains' own conjugates the forces and
 // moments are objective, keep the momenta and only take energy. In thin shells the thickness stands for the
 // spacing, because the rotary inertia falls with its square.
-std::array<double, 3> ShellRow::drag(std::size_t l, std::span<const double> velocity,
-                                     const std::array<double, 2>& x, const std::array<double, 2>& mean,
-                                     const std::array<double, 2>& slope) {
+SectionVector ShellRow::drag(std::size_t l, std::span<const double> velocity, const Strain& strain) {
   const Link& link = links_[l];
   const ShellSection& section = sections_[link.member];
   const ShellViscosity& viscosity = section.viscosity;
   const std::size_t pa = particle_[link.a], pb = particle_[link.b];
-  const std::array<double, 2>&na = fibre_[link.a], &nb = fibre_[link.b];
-  const double ra = rate_[link.a], rb = rate_[link.b];
-  // The fibres' rates are turned by a quarter.
-  const double da[2] = {-ra * na[1], ra * na[0]}, db[2] = {-rb * nb[1], rb * nb[0]};
-  double squared = 0, stretching = 0, shearing = 0, bending = 0;
+  const double ra = rate_[link.a], rb = rate_[link.b], turning = 0.5 * (ra + rb);
+  double stretching = strain.shear * turning, shearing = -strain.along * turning;
   for (std::size_t c = 0; c < 2; ++c) {
     const double dx = (velocity[2 * pb + c] - velocity[2 * pa + c]) / link.length;
-    squared += x[c] * x[c];
-    stretching += x[c] * dx;
-    shearing += dx * mean[c] + x[c] * 0.5 * (da[c] + db[c]);
-    bending += dx * slope[c] + x[c] * (db[c] - da[c]) / link.length;
+    stretching += dx * strain.tangent[c];
+    shearing += dx * strain.normal[c];
   }
+  const double bending = (ra - rb) / link.length;
   const double h = section.thickness, speed = std::sqrt(section.young_modulus / section.density);
   const double wide = section.density * link.length * speed,
                thin = section.density * std::min(link.length, h) * speed;
-  std::array<double, 3> force{0, viscosity.shear * thin * h * shearing,
-                              viscosity.bending * thin * h * h * h / 12 * bending};
-  const double rate = stretching / squared;  // of the logarithm of the stretch
+  SectionVector force{0, viscosity.shear * thin * h * shearing,
+                      viscosity.bending * thin * h * h * h / 12 * bending};
+  const double rate = stretching / strain.along;  // of the logarithm of the stretch
   if (rate < 0)
-    force[0] = h / std::sqrt(squared) *
-               (viscosity.linear * wide * rate -
-                viscosity.quadratic * section.density * link.length * link.length * rate * rate);
-  // x' times the fibre turned by a quarter; what the forces do on rotations is as in `gather`.
-  const double across_a = x[1] * na[0] - x[0] * na[1], across_b = x[1] * nb[0] - x[0] * nb[1],
-               half = 0.5 * link.length * force[1];
-  at_[l].viscous_moment = {(force[2] - half) * across_a, -(force[2] + half) * across_b};
-  at_[l].viscous_power = link.length * (force[0] * stretching + force[1] * shearing + force[2] * bending);
+    force.membrane = h * (viscosity.linear * wide * rate -
+                          viscosity.quadratic * section.density * link.length * link.length * rate * rate);
+  at_[l].viscous_couple = couple(link, strain, force);
+  at_[l].viscous_power =
+      link.length * (force.membrane * stretching + force.shear * shearing + force.bending * bending);
   return force;
 }
 
@@ -121,7 +112,7 @@ std::array<double, 2> ShellRow::filter_normals(std::span<double> history, const 
       weight += own;
       sum += own * (history[2 * j] - history[2 * i]);
       // Viscosity stores nothing that could be taken.
-      moment -= at_[l].viscous_moment[links_[l].a == i ? 0 : 1];
+      moment -= at_[l].viscous_couple[links_[l].a == i ? 0 : 1];
     }
     filtered_[i] = share * sum / (weight + body_.mass[particle_[i]]);
     taken += moment * filtered_[i];

@@ -17,7 +17,6 @@ constexpr double kRigidSteps = 16;
 
 std::uint64_t Solid::steps_for(double duration) {
   if (scene_.impact()) {
-    solver_->evaluate(state_.displacement);
     const double step = std::min(solver_->longest_step(state_, scene_.courant), rigid_step(body_, state_));
     const double steps = std::ceil(duration / step);
     if (!(steps < 1e15))

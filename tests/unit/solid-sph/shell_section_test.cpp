@@ -176,5 +176,21 @@ TEST(ShellSection, TearsAtAnEnergyThatDoesNotDependOnTheGrid) {
   EXPECT_NEAR(coarse / fine, 2, 0.1);
 }
 
+TEST(ShellSection, WhatFliesOffBehindATornLinkDoesNotShortenTheStep) {
+  ShellSection section = plastic_section(Hinge::growing, 0);
+  section.plasticity = {};
+  section.rupture = {.stretch = 0.1};
+  Beam beam(10, section);
+  State state = at_rest(beam.body);
+  state.history = beam.solver->history();
+  state.displacement[2 * 10] = 0.05;  // half a link
+  beam.solver->evaluate(state.displacement);
+  const double step = beam.solver->longest_step(state, 0.5);
+  beam.solver->advance(state, {}, 0.1 * step, 1, 0, test::no_monitor);
+  ASSERT_EQ(beam.solver->totals(state)[0].second, 1);  // broken links
+  beam.solver->evaluate(state.displacement);
+  EXPECT_GT(beam.solver->longest_step(state, 0.5), 1.2 * step);
+}
+
 }  // namespace
 }  // namespace estuary::solid

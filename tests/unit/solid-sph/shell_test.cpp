@@ -183,10 +183,9 @@ double rolled_up(int links, double turns) {
 }
 
 TEST(Shell, RollsUpToTheExactCircleUnderAnEndMoment) {
-  EXPECT_NEAR(rolled_up(24, 0.25), 1, 0.002);
-  const double coarse = rolled_up(12, 1), fine = rolled_up(24, 1);
-  EXPECT_NEAR(fine, 1, 0.015);                     // 0.5 % with 40 links
-  EXPECT_NEAR((coarse - 1) / (fine - 1), 4, 0.6);  // second order
+  // Every link bends alike and its frame turns with it: exact but for what the relaxation leaves.
+  EXPECT_NEAR(rolled_up(24, 0.25), 1, 1e-4);
+  EXPECT_NEAR(rolled_up(12, 1), 1, 1e-4);
 }
 
 TEST(Shell, SwingsWithItsOwnPeriodAndKeepsItsEnergy) {
