@@ -23,8 +23,7 @@
 
 namespace estuary::fluid {
 
-class StillLinks;
-class Stretches;
+class Blocks;
 
 enum class CollisionModel { trt, bgk, recursive_regularised, central_moment };
 enum class EquilibriumModel { incompressible, compressible };
@@ -160,8 +159,7 @@ template <class Lattice>
 /// What a step passes over.
 struct FluidNodes {
   const std::vector<std::vector<Span>>& rows;  // runs of each row
-  const Stretches* stretches = nullptr;        // the same in packed memory; needed there
-  const StillLinks* links = nullptr;           // walls half-way on links that the step reflects at afterwards
+  const Blocks* blocks = nullptr;              // the same among many solid nodes; needed in packed memory
 };
 
 /// Does one step of the kind that follows `parity`, the kind of the step before; the caller notes the new

@@ -1,25 +1,49 @@
 // The one text of the step, for every lattice and option. Included by the files that compile variants of it.
 #pragma once
 
+#include <algorithm>
+
+#include "blocks.hpp"
 #include "collision_operators.hpp"
 #include "row_shares.hpp"
-#include "still_links.hpp"
-#include "stretches.hpp"
 
 namespace estuary::fluid::step {
 
-// As many nodes as a vector has lanes, from x on, their values read at `place[i] + x`; with `tail` those that
-// `mask` says, the others being left as they are.
-template <class Lattice, class Collision, class Equilibrium, class Force, class Viscosity, bool tail,
-          class Real>
+// Which nodes of a vector are read and written: all of them,
+struct AllLanes {
+  template <class Real>
+  [[gnu::always_inline]] typename Lanes<Real>::Vector read(const Real* from) const {
+    return load(from);
+  }
+  template <class Real>
+  [[gnu::always_inline]] void write(Real* to, const typename Lanes<Real>::Vector& value) const {
+    store(to, value);
+  }
+};
+
+// or those whose bit is set.
+struct SomeLanes {
+  unsigned bits;
+  template <class Real>
+  [[gnu::always_inline]] typename Lanes<Real>::Vector read(const Real* from) const {
+    return load_lanes(from, bits);
+  }
+  template <class Real>
+  [[gnu::always_inline]] void write(Real* to, const typename Lanes<Real>::Vector& value) const {
+    store_lanes(to, bits, value);
+  }
+};
+
+// As many nodes as a vector has lanes, from x on, their values read at `place[i] + x`.
+template <class Lattice, class Collision, class Equilibrium, class Force, class Viscosity, class Real,
+          class Part>
 [[gnu::always_inline]] inline void update(const std::array<Real*, Lattice::count>& place, std::ptrdiff_t x,
-                                          const CollisionParameters& parameters,
-                                          const typename Lanes<Real>::Mask& mask) {
+                                          const Part part, const CollisionParameters& parameters) {
   using Value = typename Lanes<Real>::Vector;
   std::array<Value, Lattice::count> f;
   unrolled<Lattice::count>([&](auto index) __attribute__((always_inline)) {
     constexpr auto i = static_cast<std::size_t>(index());
-    f[i] = load(place[i] + x);
+    f[i] = part.read(place[i] + x);
   });
   MomentsOf<Value> m = moments_of<Lattice>(f);
   const Value inverse = Equilibrium::inverse_density(m.excess);
@@ -45,19 +69,13 @@ template <class Lattice, class Collision, class Equilibrium, class Force, class 
   }
   unrolled<Lattice::count>([&](auto index) __attribute__((always_inline)) {
     constexpr auto i = static_cast<std::size_t>(index());
-    Real* const to = place[static_cast<std::size_t>(Lattice::opposite[i])] + x;
-    if constexpr (tail) {
-      const Value before = load(to);
-      store(to, mask ? f[i] : before);
-    } else {
-      store(to, f[i]);
-    }
+    part.write(place[static_cast<std::size_t>(Lattice::opposite[i])] + x, f[i]);
   });
 }
 
-// Where the values that reach the nodes of a stretch are read, and put back: the value that leaves along i
-// goes where the one that came along the opposite of i was read, after either kind of step, so that these
-// places are all that distinguishes the two kinds.
+// Where the values that reach the nodes of a run or a block are read, and put back: the value that leaves
+// along i goes where the one that came along the opposite of i was read, after either kind of step, so that
+// these places are all that distinguishes the two kinds.
 template <class Lattice, class Real>
 class ReadingPlaces {
 public:
@@ -80,67 +98,97 @@ public:
     });
     return place;
   }
-  /// In packed memory, of a stretch's first node.
-  [[gnu::always_inline]] Pointers of(const Stretches::Stretch& stretch) const {
+  /// Of a block's lane 0.
+  [[gnu::always_inline]] Pointers of(const std::int32_t* rows) const {
     Pointers place;
     unrolled<Lattice::count>([&](auto index) __attribute__((always_inline)) {
       constexpr auto i = static_cast<std::size_t>(index());
       constexpr auto c = Lattice::velocity[i];
-      constexpr int sender = 3 * (1 - c[2]) + 1 - c[1];
-      place[i] = plane_[i] + (even_ ? stretch.at[sender] : stretch.at[4]);
+      constexpr int sender = Lattice::dimension == 3 ? 3 * (1 - c[2]) + 1 - c[1] : 1 - c[1];
+      place[i] = plane_[i] + (even_ ? rows[sender] : rows[own_row]);
     });
     return place;
   }
 
 private:
+  static constexpr std::size_t own_row = Lattice::dimension == 3 ? 4 : 1;
   bool even_;
   Pointers plane_;
   std::array<std::ptrdiff_t, Lattice::count> step_;
 };
 
-// Nodes first <= x < end of a run.
+// The parameters are copied: what is stored could else be one of them, and they would be read for each
+// vector.
 template <class Lattice, class Collision, class Equilibrium, class Force, class Viscosity, class Real>
-[[gnu::always_inline]] inline void update_run(
-    const std::array<Real*, Lattice::count>& place, int x, int end, const CollisionParameters& parameters,
-    const std::array<typename Lanes<Real>::Mask, static_cast<std::size_t>(Lanes<Real>::count)>& masks) {
+[[gnu::noinline]] void pass_over_rows(Populations& populations, Parity parity, const FluidNodes& nodes,
+                                      const CollisionParameters& parameters) {
   constexpr int lanes = Lanes<Real>::count;
-  for (; x + lanes <= end; x += lanes) {
-    update<Lattice, Collision, Equilibrium, Force, Viscosity, false>(place, x, parameters, masks[0]);
+  const CollisionParameters own = parameters;
+  const ReadingPlaces<Lattice, Real> places(populations, parity);
+  const RowShare share = row_share(populations.first_row(), populations.past_row());
+  for (int row = share.begin; row < share.end; ++row) {
+    const auto place = places.of(populations.row_start(row));
+    for (const Span span : nodes.rows[static_cast<std::size_t>(row)]) {
+      int x = span.begin;
+      for (; x + lanes <= span.end; x += lanes)
+        update<Lattice, Collision, Equilibrium, Force, Viscosity>(place, x, AllLanes{}, own);
+      if (x == span.end) continue;
+      const SomeLanes left{(1U << (span.end - x)) - 1U};
+      update<Lattice, Collision, Equilibrium, Force, Viscosity>(place, x, left, own);
+    }
   }
-  if (x < end) {
-    const auto left = static_cast<std::size_t>(end - x);
-    update<Lattice, Collision, Equilibrium, Force, Viscosity, true>(place, x, parameters, masks[left]);
+}
+
+template <class Lattice, class Collision, class Equilibrium, class Force, class Viscosity, class Real>
+[[gnu::noinline]] void pass_over_blocks(Populations& populations, Parity parity, const Blocks& blocks,
+                                        const CollisionParameters& parameters) {
+  constexpr int lanes = Lanes<Real>::count;
+  static_assert(Blocks::lanes % lanes == 0);
+  // Runs are too short for the processor to foresee what comes after them: without this half the speed from
+  // memory.
+  constexpr std::size_t blocks_ahead = 12;
+  const CollisionParameters own = parameters;
+  const ReadingPlaces<Lattice, Real> places(populations, parity);
+  const std::size_t last = blocks.count() - 1;
+  const auto fetch_ahead = [&](std::size_t n) __attribute__((always_inline)) {
+    const auto place = places.of(blocks.places(std::min(n + blocks_ahead, last)));
+    unrolled<Lattice::count>([&](auto index) __attribute__((always_inline)) {
+      __builtin_prefetch(place[static_cast<std::size_t>(index())], 1);
+    });
+  };
+  Real* const f = populations.data<Real>();
+  const StillLinks* const links = parity == Parity::even ? blocks.links() : nullptr;
+  const RowShare share = row_share(static_cast<int>(blocks.groups().size()));
+  for (int number = share.begin; number < share.end; ++number) {
+    const Blocks::Group group = blocks.groups()[static_cast<std::size_t>(number)];
+    if (links != nullptr) links->put_beyond(f, group.links_begin, group.links_end);
+    for (std::size_t n = group.begin; n < group.full; ++n) {
+      fetch_ahead(n);
+      const auto place = places.of(blocks.places(n));
+      for (int lane = 0; lane < Blocks::lanes; lane += lanes)
+        update<Lattice, Collision, Equilibrium, Force, Viscosity>(place, lane, AllLanes{}, own);
+    }
+    for (std::size_t n = group.full; n < group.end; ++n) {
+      fetch_ahead(n);
+      const auto place = places.of(blocks.places(n));
+      for (int lane = 0; lane < Blocks::lanes; lane += lanes) {
+        const SomeLanes fluid{(blocks.fluid(n) >> lane) & ((1U << lanes) - 1U)};
+        update<Lattice, Collision, Equilibrium, Force, Viscosity>(place, lane, fluid, own);
+      }
+    }
+    if (links != nullptr) links->take_back(f, group.links_begin, group.links_end);
   }
 }
 
 template <class Lattice, class Collision, class Equilibrium, class Force, class Viscosity, class Real>
 void pass(Populations& populations, Parity parity, const FluidNodes& nodes,
           const CollisionParameters& parameters) {
-  const CollisionParameters own = parameters;
-  const ReadingPlaces<Lattice, Real> places(populations, parity);
-  std::array<typename Lanes<Real>::Mask, static_cast<std::size_t>(Lanes<Real>::count)> masks;
-  for (std::size_t k = 0; k < masks.size(); ++k) masks[k] = first_lanes<Real>(static_cast<int>(k));
-  const RowShare share = row_share(populations.first_row(), populations.past_row());
-  const bool packed = populations.packed();
-  for (int row = share.begin; row < share.end; ++row) {
-    if (nodes.links != nullptr) nodes.links->reflect_behind(populations, parity, share, row);
-    if (packed) {
-      const Stretches::Stretch* const last = nodes.stretches->end(row);
-      for (const auto* stretch = nodes.stretches->begin(row); stretch != last; ++stretch) {
-        update_run<Lattice, Collision, Equilibrium, Force, Viscosity, Real>(places.of(*stretch), 0,
-                                                                            stretch->length, own, masks);
-      }
-      continue;
-    }
-    const auto place = places.of(populations.row_start(row));
-    for (const Span span : nodes.rows[static_cast<std::size_t>(row)]) {
-      update_run<Lattice, Collision, Equilibrium, Force, Viscosity, Real>(place, span.begin, span.end, own,
-                                                                          masks);
-    }
-  }
-  if (nodes.links != nullptr) {
-#pragma omp barrier
-    nodes.links->reflect_rest(populations, parity, share);
+  if (nodes.blocks != nullptr) {
+    pass_over_blocks<Lattice, Collision, Equilibrium, Force, Viscosity, Real>(populations, parity,
+                                                                              *nodes.blocks, parameters);
+  } else {
+    pass_over_rows<Lattice, Collision, Equilibrium, Force, Viscosity, Real>(populations, parity, nodes,
+                                                                            parameters);
   }
 #pragma omp barrier
 }

@@ -272,8 +272,9 @@ void Flow::drop_solid_nodes() {
 
 // Links of solid nodes that nothing looks at before the step.
 bool Flow::reflects_within_step() const {
-  return !halo_ && !solid_node_links_.empty() && !obstacles_ && !wet_ && bodies_.empty() &&
-         saturated_.empty();
+  return !halo_ && !solid_node_links_.empty() &&
+         populations_.plane() < std::numeric_limits<std::int32_t>::max() && !obstacles_ && !wet_ &&
+         bodies_.empty() && saturated_.empty();
 }
 
 void Flow::apply_rules(Parity parity, bool sides_complete, bool within_step) {
@@ -378,9 +379,10 @@ int Flow::threads() const {
 void Flow::run(std::size_t steps) {
   const Parity start = populations_.parity();
   const Parity other = start == Parity::even ? Parity::odd : Parity::even;
-  stretches_.follow(cells_, populations_);
   const bool within_step = reflects_within_step();
-  const FluidNodes nodes{cells_.rows(), &stretches_, within_step ? &solid_node_links_ : nullptr};
+  const bool in_blocks = within_step || populations_.packed();
+  if (in_blocks) blocks_.follow(cells_, populations_, within_step ? &solid_node_links_ : nullptr);
+  const FluidNodes nodes{cells_.rows(), in_blocks ? &blocks_ : nullptr};
 #pragma omp parallel num_threads(threads())
   for (std::size_t n = 0; n < steps; ++n) {
     const Parity parity = n % 2 == 0 ? start : other;

@@ -6,6 +6,7 @@
 #include <span>
 #include <vector>
 
+#include "blocks.hpp"
 #include "cells.hpp"
 #include "collide.hpp"
 #include "edge_links.hpp"
@@ -17,7 +18,6 @@
 #include "saturated_cells.hpp"
 #include "sides.hpp"
 #include "still_links.hpp"
-#include "stretches.hpp"
 #include "surface.hpp"
 #include "wet_load.hpp"
 
@@ -197,7 +197,7 @@ private:
   StillLinks solid_node_links_;
   StillLinks
       links_at_sides_;  // of solid nodes, those that an open side looks at or that cross a periodic one
-  Stretches stretches_;
+  Blocks blocks_;
   WallLinks outline_links_;  // of obstacles with a rule
   std::optional<WallRule> outline_rule_;
   std::vector<std::uint32_t> outline_bodies_;  // per node of the obstacles' outlines

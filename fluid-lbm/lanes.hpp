@@ -7,15 +7,16 @@
 
 #include <cmath>
 #include <cstddef>
-#include <cstdint>
 #include <cstring>
 #include <type_traits>
 
+#if defined(__AVX512VL__)
+#include <immintrin.h>
+#endif
+
 namespace estuary::fluid {
 
-// A run's last vector may reach beyond it by less than eight nodes: so far the padding of rows goes
-// (populations.cpp).
-#if defined(__AVX512F__)
+#if defined(__AVX512VL__)
 inline constexpr std::size_t vector_bytes_of_double = 64;
 inline constexpr std::size_t vector_bytes_of_float = 32;
 #elif defined(__AVX__)
@@ -26,19 +27,17 @@ inline constexpr std::size_t vector_bytes_of_double = 16;
 inline constexpr std::size_t vector_bytes_of_float = 16;
 #endif
 
-/// Vectors of a real type, and of integers of its size.
+/// Vectors of a real type.
 template <class Real>
 struct Lanes;
 template <>
 struct Lanes<double> {
   typedef double Vector [[gnu::vector_size(vector_bytes_of_double)]];
-  typedef std::int64_t Mask [[gnu::vector_size(vector_bytes_of_double)]];
   static constexpr int count = static_cast<int>(vector_bytes_of_double / sizeof(double));
 };
 template <>
 struct Lanes<float> {
   typedef float Vector [[gnu::vector_size(vector_bytes_of_float)]];
-  typedef std::int32_t Mask [[gnu::vector_size(vector_bytes_of_float)]];
   static constexpr int count = static_cast<int>(vector_bytes_of_float / sizeof(float));
 };
 
@@ -68,12 +67,39 @@ template <class Real>
   std::memcpy(to, &value, sizeof value);
 }
 
-/// True in the first `lanes` lanes.
+/// The lanes whose bit is set from memory, the others zero. No other memory is touched. One by one where the
+/// processor has no masks.
 template <class Real>
-[[gnu::always_inline]] inline typename Lanes<Real>::Mask first_lanes(int lanes) {
-  typename Lanes<Real>::Mask number;
-  for (int k = 0; k < Lanes<Real>::count; ++k) number[k] = k;
-  return number < static_cast<std::remove_cvref_t<decltype(number[0])>>(lanes);
+[[gnu::always_inline]] inline typename Lanes<Real>::Vector load_lanes(const Real* from, unsigned bits) {
+#if defined(__AVX512VL__)
+  if constexpr (std::is_same_v<Real, double>) {
+    return _mm512_maskz_loadu_pd(static_cast<__mmask8>(bits), from);
+  } else {
+    return _mm256_maskz_loadu_ps(static_cast<__mmask8>(bits), from);
+  }
+#else
+  typename Lanes<Real>::Vector value{};
+  for (int k = 0; k < Lanes<Real>::count; ++k) {
+    if ((bits >> k & 1U) != 0) value[k] = from[k];
+  }
+  return value;
+#endif
+}
+/// Those lanes alone.
+template <class Real>
+[[gnu::always_inline]] inline void store_lanes(Real* to, unsigned bits,
+                                               const typename Lanes<Real>::Vector& value) {
+#if defined(__AVX512VL__)
+  if constexpr (std::is_same_v<Real, double>) {
+    _mm512_mask_storeu_pd(to, static_cast<__mmask8>(bits), value);
+  } else {
+    _mm256_mask_storeu_ps(to, static_cast<__mmask8>(bits), value);
+  }
+#else
+  for (int k = 0; k < Lanes<Real>::count; ++k) {
+    if ((bits >> k & 1U) != 0) to[k] = value[k];
+  }
+#endif
 }
 
 /// `function` of each lane.

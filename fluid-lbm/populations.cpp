@@ -6,8 +6,6 @@
 #include <cstdlib>
 #include <new>
 
-#include "lanes.hpp"
-
 namespace estuary::fluid {
 namespace {
 
@@ -121,10 +119,7 @@ Populations::Packing Populations::packing_of(const std::vector<std::uint8_t>& ne
   std::ptrdiff_t next = 0;
   for (int z = space ? -1 : 0; z <= (space ? nz_ : 0); ++z) {
     for (int y = -1; y <= ny_; ++y) {
-      // As without packing, node 0 of each row starts a cache line. The last vector of a stretch reads beyond
-      // it and puts back what it found. Inside a row that may be another stretch: a row of a plane is written
-      // by the nodes of one row only, hence by one thread. Behind the row there has to be room.
-      static_assert(std::max(Lanes<float>::count, Lanes<double>::count) <= cache_line);
+      // As without packing, node 0 of each row starts a cache line.
       next = round_up(next, cache_line) + cache_line - 1;
       for (int x = -1; x <= nx_; ++x) {
         const bool rim =

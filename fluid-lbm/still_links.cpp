@@ -7,30 +7,14 @@ namespace estuary::fluid {
 void StillLinks::clear() {
   links_.clear();
   places_.clear();
-  first_of_row_.clear();
 }
 
 void StillLinks::add(Node node, int i, std::uint32_t body, const std::array<double, 3>& arm,
                      const Populations& layout) {
-  const bool space = layout.nz() > 0;
-  reach_ = space ? layout.ny() + 1 : 1;
-  const auto layers_below = static_cast<std::size_t>(space ? node.z : 0);
-  const std::size_t row =
-      static_cast<std::size_t>(layout.ny()) * layers_below + static_cast<std::size_t>(node.y);
-  while (first_of_row_.size() <= row) first_of_row_.push_back(links_.size());
   const std::ptrdiff_t here = layout.node(node.x, node.y, node.z);
   links_.push_back(
       {layout.post_collision(Parity::even, i, here), layout.post_collision(Parity::odd, i, here)});
   places_.push_back({body, i, arm});
-}
-
-template <class Stored>
-void StillLinks::reflect(Stored* f, Parity parity, std::size_t begin, std::size_t end) const {
-  if (parity == Parity::even) {
-    for (std::size_t n = begin; n < end; ++n) f[links_[n].at_neighbour] = f[links_[n].at_node];
-  } else {
-    for (std::size_t n = begin; n < end; ++n) f[links_[n].at_node] = f[links_[n].at_neighbour];
-  }
 }
 
 void StillLinks::reflect(Populations& populations, Parity parity) const {
@@ -40,34 +24,30 @@ void StillLinks::reflect(Populations& populations, Parity parity) const {
 #pragma omp for schedule(static)
     for (std::ptrdiff_t n = 0; n < pieces; ++n) {
       const std::size_t begin = static_cast<std::size_t>(n) * piece;
-      reflect(f, parity, begin, std::min(begin + piece, links_.size()));
+      const std::size_t end = std::min(begin + piece, links_.size());
+      if (parity == Parity::even) {
+        put_beyond(f, begin, end);
+      } else {
+        take_back(f, begin, end);
+      }
     }
   });
 }
 
-void StillLinks::reflect_rows(Populations& populations, Parity parity, int begin, int end) const {
-  const auto first = [this](int row) {
-    const auto n = static_cast<std::size_t>(row);
-    return n < first_of_row_.size() ? first_of_row_[n] : links_.size();
-  };
-  populations.visit([&](auto* const f) { reflect(f, parity, first(begin), first(end)); });
-}
-
-// A row's links write where the step of the far end's row, up to `reach_` rows on, may write back what it
-// found.
-void StillLinks::reflect_behind(Populations& populations, Parity parity, const RowShare& share,
-                                int row) const {
-  const int behind = row - 1 - reach_;
-  if (behind < share.begin + reach_ || behind >= share.end - reach_) return;
-  reflect_rows(populations, parity == Parity::even ? Parity::odd : Parity::even, behind, behind + 1);
-}
-
-void StillLinks::reflect_rest(Populations& populations, Parity parity, const RowShare& share) const {
-  const Parity now = parity == Parity::even ? Parity::odd : Parity::even;
-  const int first = std::min(share.begin + reach_, share.end);
-  const int last = std::max(first, share.end - 1 - reach_);
-  reflect_rows(populations, now, share.begin, first);
-  reflect_rows(populations, now, last, share.end);
+std::size_t StillLinks::first_from(std::ptrdiff_t place, const Populations& populations) const {
+  // Both places of a link are known, not its node: after an even step what left stands at the node.
+  std::size_t begin = 0;
+  std::size_t end = links_.size();
+  while (begin < end) {
+    const std::size_t middle = begin + (end - begin) / 2;
+    const int back = populations.lattice().opposite[places_[middle].direction];
+    if (links_[middle].at_node - back * populations.plane() < place) {
+      begin = middle + 1;
+    } else {
+      end = middle;
+    }
+  }
+  return begin;
 }
 
 void StillLinks::add_load(const Populations& populations, Parity parity, std::size_t number,

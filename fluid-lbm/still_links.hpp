@@ -12,7 +12,6 @@
 
 #include "cells.hpp"
 #include "populations.hpp"
-#include "row_shares.hpp"
 #include "wall_links.hpp"
 
 namespace estuary::fluid {
@@ -22,18 +21,26 @@ public:
   StillLinks() = default;
   explicit StillLinks(Ranks* ranks) : ranks_(ranks) {}
   void clear();
-  /// Rows in ascending order; where ranks share the grid, each adds its own. `arm` goes from where torques
-  /// count to the middle of the link.
+  /// Nodes in the order of rows and of x; where ranks share the grid, each adds its own. `arm` goes from
+  /// where torques count to the middle of the link.
   void add(Node node, int i, std::uint32_t body, const std::array<double, 3>& arm, const Populations& layout);
   [[nodiscard]] bool empty() const { return links_.empty(); }
   /// Every thread of a parallel region calls it.
   void reflect(Populations& populations, Parity parity) const;
-  /// The same for what leaves the nodes in the step that follows `parity`, by a thread that passes over the
-  /// rows of `share` and is about to step `row`: rows that neither it nor another thread will touch any more,
-  /// while they are in the cache.
-  void reflect_behind(Populations& populations, Parity parity, const RowShare& share, int row) const;
-  /// And when all threads have stepped their rows.
-  void reflect_rest(Populations& populations, Parity parity, const RowShare& share) const;
+  /// For a step that passes over blocks of nodes (blocks.hpp), of links begin <= n < end: puts what left the
+  /// nodes where the nodes beyond the walls would have sent it from, and takes back what left the nodes
+  /// towards them.
+  template <class Stored>
+  void put_beyond(Stored* f, std::size_t begin, std::size_t end) const {
+    for (std::size_t n = begin; n < end; ++n) f[links_[n].at_neighbour] = f[links_[n].at_node];
+  }
+  template <class Stored>
+  void take_back(Stored* f, std::size_t begin, std::size_t end) const {
+    for (std::size_t n = begin; n < end; ++n) f[links_[n].at_node] = f[links_[n].at_neighbour];
+  }
+  [[nodiscard]] std::size_t count() const { return links_.size(); }
+  /// The first link of a node that stands at `place` or behind it in memory.
+  [[nodiscard]] std::size_t first_from(std::ptrdiff_t place, const Populations& populations) const;
   /// Momentum exchange, as `reflect` left the populations; on all bodies, or on one.
   [[nodiscard]] BodyLoad load(const Populations& populations, Parity parity) const;
   [[nodiscard]] BodyLoad load(const Populations& populations, Parity parity, std::uint32_t body) const;
@@ -50,15 +57,9 @@ private:
   };
   void add_load(const Populations& populations, Parity parity, std::size_t number, BodyLoad& total) const;
 
-  void reflect_rows(Populations& populations, Parity parity, int begin, int end) const;
-  template <class Stored>
-  void reflect(Stored* f, Parity parity, std::size_t begin, std::size_t end) const;
-
   Ranks* ranks_ = nullptr;
   std::vector<Link> links_;
   std::vector<Place> places_;
-  std::vector<std::size_t> first_of_row_;  // of rows up to the last with a link
-  int reach_ = 0;                          // how many rows away the far end of a link may lie
 };
 
 }  // namespace estuary::fluid
