@@ -128,6 +128,15 @@ void read_hosts(SceneTable& root, CouplingScene& result) {
     for (const auto role : roles)
       if (result.find(role) == nullptr) hosts->leave_to_others({role});
   }
+  // One process would take the second for the first, who asks again.
+  for (auto one = result.participants.begin(); one != result.participants.end(); ++one) {
+    const auto same = std::find_if(result.participants.begin(), one, [&](const ParticipantScene& other) {
+      return !one->endpoint.empty() && other.endpoint == one->endpoint;
+    });
+    if (same != one)
+      root.problem("", fmt::format("'{}' and '{}' are both said to be at {}: each is a process of its own",
+                                   same->role, one->role, one->endpoint));
+  }
   for (auto& participant : result.participants) {
     const bool stays_here = (participant.endpoint.empty() || is_local(participant.endpoint)) &&
                             (participant.bind.empty() || is_local(participant.bind));

@@ -1,4 +1,5 @@
 """Addresses that other machines reach: keys, who is not let in, what is never written down."""
+import contextlib
 import os
 import pathlib
 import socket
@@ -105,13 +106,20 @@ def case_keys_let_in_and_keep_out(place):
         expect("refused a request" not in one.log.read_text(), "a stranger's message was read")
         status, text = command(COUPLER, "ping", endpoint, "--key", f"{coupler}.key", "--server-key", f"{server}.pub")
         expect(status == 0 and "free" in text, text)
-        # And who is on the list is served as ever.
+        # And who is on the list is served as ever. Whoever looks at the processes learns no secret.
         run = Run(scene_at(place, endpoint, hosts(coupler, server)), out)
+        processes = b""
+        for name in ("cmdline", "environ"):
+            for process in (run.process.pid, one.process.pid):
+                with contextlib.suppress(OSError):
+                    processes += pathlib.Path(f"/proc/{process}/{name}").read_bytes()
         run.expect_end(0)
         expect_same(out, undisturbed)
     secrets = [line.split('"')[1] for name in (server, coupler)
                for line in pathlib.Path(f"{name}.key").read_text().splitlines() if line.startswith("secret_key")]
     expect(len(secrets) == 2, "no secrets found")
+    expect(f"{server}.key".encode() in processes, "the processes were not seen")
+    expect(not any(secret.encode() in processes for secret in secrets), "a secret is in the list of processes")
     for path in [*out.rglob("*"), one.log, run.text]:
         if path.is_file():
             content = path.read_bytes()

@@ -53,6 +53,14 @@ TEST(CouplingScene, SolverIsACommandOrAConnection) {
               HasSubstr("not both"));
 }
 
+TEST(CouplingScene, TwoParticipantsAreNotAtOneAddress) {
+  EXPECT_THAT(
+      only_problem("[coupling]\n[fluid]\nconnect = \"ipc:///tmp/a\"\n[solid]\nconnect = \"ipc:///tmp/a\"\n"),
+      HasSubstr("'fluid' and 'solid' are both"));
+  EXPECT_TRUE(read("[coupling]\n[fluid]\nconnect = \"ipc:///tmp/a\"\n[solid]\nconnect = \"ipc:///tmp/b\"\n")
+                  .problems.empty());
+}
+
 TEST(CouplingScene, RefusesUnknownKeysOutsideTheParticipantsTables) {
   EXPECT_THAT(only_problem("[coupling]\nrelaxtion = 0.5\n[fluid]\nanything = 1\n"), HasSubstr("relaxation"));
   EXPECT_THAT(only_problem("[coupling]\n[fluid]\n[colour]\n"), HasSubstr("colour"));
