@@ -22,6 +22,19 @@ Json description_of(const CouplerState& state) {
           {"messages", names}};
 }
 
+// Whatever else JSON calls a number would become some count or other.
+std::uint64_t whole(const Json& value) {
+  if (!value.is_number_unsigned())
+    throw std::runtime_error(fmt::format("a {} is no count", value.type_name()));
+  return value.get<std::uint64_t>();
+}
+
+std::map<std::string, std::uint64_t> whole_by_name(const Json& object) {
+  std::map<std::string, std::uint64_t> result;
+  for (const auto& [name, value] : object.items()) result[name] = whole(value);
+  return result;
+}
+
 }  // namespace
 
 void write_coupler_state(const std::filesystem::path& file, const CouplerState& state) {
@@ -44,15 +57,15 @@ CouplerState read_coupler_state(const std::filesystem::path& file) {
   CouplerState state;
   try {
     const Json description = Json::parse(reader.read_bytes("description"));
-    state.window = description.at("window");
-    state.total_iterations = description.at("total_iterations");
-    state.frame = description.at("frame");
-    state.care = description.at("care");
-    state.record = description.at("record").get<RecordPosition>();
-    state.messages_record = description.at("messages_record").get<std::map<std::string, std::uint64_t>>();
+    state.window = whole(description.at("window"));
+    state.total_iterations = whole(description.at("total_iterations"));
+    state.frame = whole(description.at("frame"));
+    state.care = whole(description.at("care"));
+    state.record = whole_by_name(description.at("record"));
+    state.messages_record = whole_by_name(description.at("messages_record"));
     for (const auto& name : description.at("messages").get<std::vector<std::string>>())
       state.messages[name] = reader.read_bytes("message of " + name);
-  } catch (const Json::exception& error) {
+  } catch (const std::exception& error) {
     throw std::runtime_error(
         fmt::format("{}: its description cannot be read: {}", file.string(), error.what()));
   }
@@ -63,9 +76,11 @@ CouplerState read_coupler_state(const std::filesystem::path& file) {
       throw std::runtime_error(fmt::format("{}: names the file '{}'", file.string(), name));
   }
   const std::vector<double> times = reader.read_all("times");
-  state.time = times.at(0);
-  state.wall_s = times.at(1);
-  state.history.earlier_duration = times.at(2);
+  if (times.size() != 3)
+    throw std::runtime_error(fmt::format("{}: has {} times", file.string(), times.size()));
+  state.time = times[0];
+  state.wall_s = times[1];
+  state.history.earlier_duration = times[2];
   state.history.accepted.motion.displacement = reader.read_all("displacement");
   state.history.accepted.motion.velocity = reader.read_all("velocity");
   state.history.accepted.forces = reader.read_all("forces");

@@ -8,6 +8,7 @@
 #include <fstream>
 
 #include "acceleration.hpp"
+#include "checkpoint.hpp"
 #include "convergence.hpp"
 #include "run_record.hpp"
 #include "temporary_folder.hpp"
@@ -154,6 +155,25 @@ TEST(CouplerState, FileHoldsEverything) {
   EXPECT_EQ(read.record, state.record);
   EXPECT_EQ(read.messages_record, state.messages_record);
   EXPECT_EQ(read.wall_s, state.wall_s);
+}
+
+TEST(CouplerState, CountsAreWhole) {
+  const TemporaryFolder folder;
+  for (const std::string window : {"-1", "1e300", "1.5", "\"7\"", "[[[]]]"}) {
+    CheckpointWriter writer(folder.path() / "state.h5");
+    writer.add_bytes(
+        "description",
+        R"({"total_iterations":1,"frame":1,"care":0,"record":{},"messages_record":{},"messages":[],"window":)" +
+            window + "}");
+    writer.add("times", std::vector<double>{1, 1, 1});
+    writer.commit();
+    try {
+      (void)read_coupler_state(folder.path() / "state.h5");
+      FAIL() << window;
+    } catch (const std::runtime_error& error) {
+      EXPECT_THAT(error.what(), testing::HasSubstr("is no count"));
+    }
+  }
 }
 
 TEST(CouplerState, FilesOutsideTheRunsFolderAreRefused) {
