@@ -87,7 +87,8 @@ void read(const std::filesystem::path& file, const std::uint8_t* data, std::size
   estuary::FileSum said;
   std::memcpy(&said.bytes, data, sizeof said.bytes);
   std::memcpy(&said.crc32, data + sizeof said.bytes, sizeof said.crc32);
-  const bool whole = said.bytes == size - begin && said.crc32 == estuary::crc32_of(data + begin, size - begin);
+  const bool whole =
+      said.bytes == size - begin && said.crc32 == estuary::crc32_of(data + begin, size - begin);
   bool believed = true;
   try {
     estuary::require_sum(file, said);
@@ -117,10 +118,13 @@ extern "C" std::size_t LLVMFuzzerCustomMutator(std::uint8_t* data, std::size_t s
 #endif
 
 #else
+#include <google/protobuf/stubs/logging.h>
+
 #include "record_file.hpp"
 
 namespace {
 void read(const std::filesystem::path& file) {
+  static const google::protobuf::LogSilencer silence;  // of what is no UTF-8
   estuary::RecordReader reader(file);
   while (reader.next()) {
   }
