@@ -23,7 +23,7 @@ namespace {
 using Json = nlohmann::ordered_json;
 using std::chrono::steady_clock;
 
-constexpr std::uint64_t layout = 1;
+constexpr std::uint64_t layout_version = 1;
 // Checkpoints that come by the clock cost at most this share of a run.
 constexpr double largest_share = 0.02;
 
@@ -196,7 +196,7 @@ void Checkpoints::complete(const CheckpointSet& set) {
     files.push_back(entry);
   }
   Json json = {{"estuary", ESTUARY_VERSION},
-               {"layout", layout},
+               {"layout", layout_version},
                {"scene", sum_of_text(scene_)},
                {"window", set.window},
                {"time", set.state.time},
@@ -218,10 +218,10 @@ CheckpointSet Checkpoints::read(const std::filesystem::path& file) const {
   std::ifstream stream(file);
   const Json json = Json::parse(stream);
   const auto version = json.at("estuary").get<std::string>();
-  if (json.at("layout").get<std::uint64_t>() != layout || version != ESTUARY_VERSION) {
+  if (json.at("layout").get<std::uint64_t>() != layout_version || version != ESTUARY_VERSION) {
     throw WrongCheckpoint(
         fmt::format("{} was written by version {} of Estuary (layout {}), this is {} (layout {})",
-                    file.string(), version, json.at("layout").dump(), ESTUARY_VERSION, layout));
+                    file.string(), version, json.at("layout").dump(), ESTUARY_VERSION, layout_version));
   }
   if (json.at("scene").get<std::uint32_t>() != sum_of_text(scene_)) {
     throw WrongCheckpoint(

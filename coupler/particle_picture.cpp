@@ -13,7 +13,7 @@
 namespace estuary::coupler {
 namespace {
 
-constexpr std::size_t most_points = 20000;  // more than a picture of this size shows
+constexpr std::size_t most_particles = 20000;  // more than a picture of this size shows
 
 struct Shown {
   std::string label;
@@ -99,7 +99,7 @@ struct Box {
 
 std::string block(const std::string& name, const PointFrame& frame, const Shown& shown) {
   const std::size_t count = frame.positions.size() / 2;
-  const std::size_t stride = (count + most_points - 1) / most_points;
+  const std::size_t stride = (count + most_particles - 1) / most_points;
   std::string text = fmt::format("${} << END\n", name);
   for (std::size_t i = 0; i < count; i += std::max<std::size_t>(1, stride)) {
     text += fmt::format("{:.9g} {:.9g} {:.9g} {:.9g}\n", frame.positions[2 * i], frame.positions[2 * i + 1],

@@ -24,7 +24,8 @@ using std::chrono::steady_clock;
 using testing::HasSubstr;
 
 const std::string coupler = COUPLER_PROGRAM;
-const std::string participant = LINEAR_PARTICIPANT;
+const std::string participant = estuary::test::participant_program(LINEAR_PARTICIPANT);
+const std::string elastic_tube = estuary::test::participant_program(ELASTIC_TUBE);
 
 // Processes whose command line holds `text`.
 int processes_with(const std::string& text) {
@@ -209,7 +210,7 @@ protected:
         << "title = \"tube\"\ndimension = 2\n[coupling]\nmode = \"transient\"\nwindow = 0.01\n"
         << "end_time = 1.0\ntolerance = 1e-5\nforce_tolerance = 1e-5\nvelocity_tolerance = 1.0\n"
         << "max_iterations = 200\nfilter_limit = 1e-3\n"
-        << coupling << "\n[fluid]\nsolver = \"" << ELASTIC_TUBE << "\"\n[solid]\nsolver = \"" << ELASTIC_TUBE
+        << coupling << "\n[fluid]\nsolver = \"" << elastic_tube << "\"\n[solid]\nsolver = \"" << elastic_tube
         << "\"\n[[watch]]\nname = \"flow\"\nparticipant = \"fluid\"\n";
     const Finished finished = run(path);
     EXPECT_EQ(finished.status, 0) << finished.errors;
@@ -247,7 +248,7 @@ TEST_F(Tube, WithoutAccelerationItIsReportedAsNoSolution) {
   const auto path = folder_ / "scene.toml";
   std::ofstream(path) << "title = \"tube\"\ndimension = 2\n[coupling]\nmode = \"transient\"\nwindow = 0.01\n"
                       << "end_time = 1.0\nacceleration = \"none\"\nmax_iterations = 200\n[fluid]\nsolver = \""
-                      << ELASTIC_TUBE << "\"\n[solid]\nsolver = \"" << ELASTIC_TUBE << "\"\n";
+                      << elastic_tube << "\"\n[solid]\nsolver = \"" << elastic_tube << "\"\n";
   EXPECT_EQ(run(path).status, 3);
 }
 

@@ -3,6 +3,7 @@
 
 #include <gtest/gtest.h>
 
+#include <cstdlib>
 #include <filesystem>
 #include <fstream>
 #include <nlohmann/json.hpp>
@@ -13,6 +14,14 @@
 #include "temporary_folder.hpp"
 
 namespace estuary::test {
+
+/// The participant that was built as `program`, or the one of its name in the folder that
+/// ESTUARY_TEST_PARTICIPANTS names: participants built with a sanitizer are tested with the coupler and the
+/// test of the release build.
+inline std::string participant_program(const std::filesystem::path& program) {
+  const char* folder = std::getenv("ESTUARY_TEST_PARTICIPANTS");
+  return folder == nullptr ? program.string() : (folder / program.filename()).string();
+}
 
 class CouplerRun : public testing::Test {
 protected:
@@ -41,7 +50,7 @@ protected:
   [[nodiscard]] std::filesystem::path write_two_springs(const std::string& fluid, const std::string& solid,
                                                         const std::string& coupling,
                                                         const std::string& rest = {}) const {
-    const std::string solver = std::string("solver = \"") + LINEAR_PARTICIPANT + "\"\n";
+    const std::string solver = "solver = \"" + participant_program(LINEAR_PARTICIPANT) + "\"\n";
     const auto path = folder_ / "scene.toml";
     std::ofstream(path) << "title = \"two springs\"\ndimension = 2\n[coupling]\n"
                         << coupling << "\n[fluid]\n"

@@ -27,7 +27,7 @@ protected:
                const std::string& solid, const std::string& rest = {},
                const std::vector<std::string>& overrides = {}) {
     const auto scene = folder_ / (out + ".toml");
-    const std::string solver = std::string("solver = \"") + ELASTIC_TUBE + "\"\n";
+    const std::string solver = "solver = \"" + estuary::test::participant_program(ELASTIC_TUBE) + "\"\n";
     std::ofstream(scene)
         << "title = \"tube\"\n[coupling]\nmode = \"transient\"\nwindow = 0.01\nend_time = 0.1\n"
         << "acceleration = \"iqn-ils\"\nrelaxation = 0.01\nmax_iterations = 100\n"
@@ -101,8 +101,8 @@ TEST_F(TubeRun, ASolverAgainstItsRecordedPartnerGivesTheSameBits) {
   ASSERT_EQ(run("recorded", "", "", "", "[output]\nrecord = true\n").status, 0);
   const std::string watch = file_text(folder_ / "recorded" / "watch" / "flow.csv");
   const auto replay = [&](const std::string& role) {
-    return role + ".solver=\"" + REPLAY + " " + (folder_ / "recorded/record" / (role + ".record")).string() +
-           "\"";
+    return role + ".solver=\"" + estuary::test::participant_program(REPLAY) + " " +
+           (folder_ / "recorded/record" / (role + ".record")).string() + "\"";
   };
   for (const std::string role : {"fluid", "solid"}) {
     const Finished finished = run("replayed-" + role, "", "", "", "", {replay(role)});

@@ -94,11 +94,11 @@ TEST(StressPoints, TrianglesFillAnyOutlineAndHoldThePatchTest) {
   const Polygon angle{{0, 0}, {2, 0}, {2, 1}, {1, 1}, {1, 2}, {0, 2}};
   const Polygon plate{{0, 0}, {2, 0}, {2, 1}, {0, 1}}, hole{{0.8, 0.3}, {1.2, 0.3}, {1.2, 0.7}, {0.8, 0.7}};
   const Polygon disc = circle({0.3, -0.2}, 1, 0.2);
-  struct Shaped {
+  struct NamedOutline {
     std::vector<Polygon> loops;
     double area, spacing;
   };
-  const std::vector<Shaped> shapes{
+  const std::vector<NamedOutline> shapes{
       {{angle}, 3, 0.2}, {{plate, hole}, 2 - 0.16, 0.13}, {{disc}, std::abs(signed_area(disc)), 0.2}};
   for (const auto& [loops, area, spacing] : shapes) {
     SCOPED_TRACE(area);
