@@ -131,7 +131,7 @@ bool SceneTable::boolean_or(std::string_view key, bool fallback) {
 
 std::string SceneTable::choice(std::string_view key, std::span<const std::string_view> allowed) {
   const auto* value = ask(*node_, key);
-  const std::string first = allowed.empty() ? std::string() : std::string(allowed.front());
+  std::string first = allowed.empty() ? std::string() : std::string(allowed.front());
   if (value == nullptr) return first;
   const auto list = fmt::format("one of {}", fmt::join(allowed, ", "));
   const auto* text = value->as_string();
