@@ -356,6 +356,7 @@ void CouplingLoop::finish_window(const char* verdict, double residual, double wa
                         .duration = clock_.span().duration});
   spdlog::info("window {}: {} after {} iterations, residual {:.3e}, {:.3f} s", position_.window, verdict,
                position_.iteration, residual, wall_s);
+  if (record_.flush_if_due()) spdlog::default_logger()->flush();
 }
 
 void CouplingLoop::frames_if_due(std::uint64_t count, double time) {

@@ -303,6 +303,24 @@ void Participants::launch(RemoteParticipant& participant, const std::string& end
   }
 }
 
+DirectLine::Bytes Participants::line_to(const v1::Welcome& welcome) const {
+  if (!can(welcome, "shared-memory")) return DirectLine::Bytes::over_socket;
+  const int processors = std::max(1, static_cast<int>(std::thread::hardware_concurrency()));
+  int most = 0;
+  int all = 0;
+  for (const auto& participant : all_) {
+    const ParticipantScene& entry = participant->scene();
+    if (!entry.here()) continue;
+    const bool known = participant->child_ != nullptr && entry.threads > 0;
+    const int threads = known ? entry.threads * std::max(1, entry.ranks) : processors;
+    most = std::max(most, threads);
+    all += threads;
+  }
+  const int at_a_time = scene_.parallel() ? all : most;
+  return at_a_time < processors ? DirectLine::Bytes::through_memory_with_processor_to_spare
+                                : DirectLine::Bytes::through_memory;
+}
+
 void Participants::greet(RemoteParticipant& participant) {
   v1::Request hello;
   hello.mutable_hello();
@@ -316,7 +334,7 @@ void Participants::greet(RemoteParticipant& participant) {
   const auto& welcome = participant.identity_;
   require(scene_, participant.role(), welcome, participant.channel_.endpoint());
   participant.accepts_in_advance_ = can(welcome, "advance-accepts");
-  if (can(welcome, "direct-line")) participant.channel_.open_direct_line();
+  if (can(welcome, "direct-line")) participant.channel_.open_direct_line(line_to(welcome));
   spdlog::info("{}: {} {} at {}, process {}", participant.role(), welcome.name(), welcome.version(),
                participant.channel_.endpoint(), welcome.process());
 }
@@ -532,6 +550,7 @@ std::vector<v1::Reply> Participants::ask_all(std::vector<Question> questions, co
     if (participant->record_ && recording_) participant->record_->add(request, *participant->arrived_);
   for (std::size_t k = 0; k < questions.size(); ++k)
     replies.push_back(take_reply(*questions[k].participant, questions[k].request, position, asked[k]));
+  asking_s_ += seconds_since(begin);
   return replies;
 }
 

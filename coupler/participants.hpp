@@ -134,6 +134,8 @@ public:
   [[nodiscard]] RemoteParticipant* find(std::string_view role);
   [[nodiscard]] const std::vector<std::unique_ptr<RemoteParticipant>>& all() const { return all_; }
   [[nodiscard]] const std::string& run_id() const { return run_id_; }
+  /// Time spent in `ask` and `ask_all`: participants compute, or messages are on their way [s].
+  [[nodiscard]] double asking_s() const { return asking_s_; }
 
   /// Asks everyone to stop and waits for them to end, at most `seconds` each, then makes them.
   void stop(double seconds);
@@ -144,6 +146,8 @@ private:
   [[nodiscard]] ClientSecurity security_of(const ParticipantScene& participant) const;
   [[nodiscard]] std::string endpoint_of(const ParticipantScene& participant) const;
   void greet(RemoteParticipant& participant);
+  // How the messages of windows go to a participant of this machine.
+  [[nodiscard]] DirectLine::Bytes line_to(const v1::Welcome& welcome) const;
   void renew(RemoteParticipant& participant);
   // Waits until a participant that was kept has put away what it was asked before the loss.
   void wait_until_idle(RemoteParticipant& participant);
@@ -168,6 +172,7 @@ private:
   int generation_ = 0;  // of launched processes
   WaitingObserver observer_;
   std::string run_id_;
+  double asking_s_ = 0;
   std::filesystem::path sockets_;  // folder of the local sockets
   std::vector<std::unique_ptr<RemoteParticipant>> all_;
 };

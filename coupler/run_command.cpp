@@ -66,7 +66,7 @@ void start_log(const std::filesystem::path& folder, bool resumes) {
                                                                   !resumes);
   auto logger = std::make_shared<spdlog::logger>("coupler", sink);
   logger->set_pattern("%Y-%m-%d %H:%M:%S.%e %l %v");
-  logger->flush_on(spdlog::level::info);
+  logger->flush_on(spdlog::level::warn);  // the rest with the run's tables
   spdlog::set_default_logger(logger);
 }
 
@@ -195,6 +195,7 @@ private:
             scene_.coupling, folder_, resumes_, interrupts_,
             [&](const RemoteParticipant& participant, const char* phase, double seconds) {
               bar_.waiting(participant, phase, seconds);
+              if (record_->flush_if_due()) spdlog::default_logger()->flush();
             });
         if (checkpoints_.wanted()) participants_->allow_after_interrupt(finish_a_window);
         participants_->record_messages(sets_.empty());
@@ -210,7 +211,10 @@ private:
         loop.start();
         go_back(loop);
         participants_->record_messages(true);
+        const auto begin = steady_clock::now();
+        const double asked_s = participants_->asking_s();
         loop.run();
+        end_.coupler_s += seconds_since(begin) - (participants_->asking_s() - asked_s);
       } catch (...) {
         end_.total_iterations = loop.total_iterations();
         throw;
@@ -295,6 +299,7 @@ private:
   }
 
   ExitStatus finish(ExitStatus status) {
+    if (record_) record_->flush();
     end_.checkpoints = checkpoints_.written();
     end_.checkpoint_s = checkpoints_.seconds();
     const RunFigures figures{.wall_s = end_.wall_s, .total_iterations = end_.total_iterations};
@@ -314,7 +319,7 @@ private:
   void print_results(const std::vector<CheckResult>& checks) const {
     fmt::print("{}\n", scene_.coupling.title);
     if (!checks.empty()) fmt::print("\n{}", check_table(checks, end_.wall_s));
-    fmt::print("\n{}", timing_table(*participants_, end_.wall_s));
+    fmt::print("\n{}", timing_table(*participants_, end_));
     try {
       if (report_) write_report(folder_);
       if (report_) fmt::print("\nreport: {}\n", (folder_ / "report.html").string());

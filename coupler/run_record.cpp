@@ -85,14 +85,12 @@ void RunRecord::begin_anew() {
 }
 
 RecordPosition RunRecord::position() {
+  flush();
   RecordPosition position;
-  const auto note = [&](const std::string& name) {
+  for (const auto& [name, file] : files()) {
     bring_to_disk(folder_ / name);
     position[name] = std::filesystem::file_size(folder_ / name);
-  };
-  note(iterations_name);
-  if (coupled_) note(convergence_name);
-  for (const auto& [name, file] : watch_files_) note(watch_name(name));
+  }
   return position;
 }
 
@@ -158,7 +156,6 @@ void RunRecord::read_watch(const std::string& name) {
 }
 
 void RunRecord::check(std::ofstream& file, const std::string& name) const {
-  // Flushed row by row, so that what was computed up to a fault is on disk.
   file.flush();
   if (!file)
     throw std::runtime_error(fmt::format("cannot write {}: is the disk full?", (folder_ / name).string()));
@@ -174,14 +171,32 @@ void RunRecord::add(const IterationRow& row) {
              row.force[0], row.force[1], row.moment, row.fluid_force[0], row.fluid_force[1], row.fluid_moment,
              row.solid_force[0], row.solid_force[1], row.solid_moment, row.fluid_power, row.solid_power,
              row.fluid_s, row.solid_s, row.fluid_error, row.solid_error, mapping_text(row.before_mapping));
-  check(convergence_, convergence_name);
 }
 
 void RunRecord::add(const WindowRow& row) {
   fmt::print(iterations_, "{},{},{},{},{:.17g},{:.17g},{:.6f},{:.17g}\n", row.window, row.total_iterations,
              row.iterations, row.verdict, row.time, row.residual, row.wall_s, row.duration);
-  check(iterations_, iterations_name);
   windows_.push_back(row);
+}
+
+std::map<std::string, std::ofstream*> RunRecord::files() {
+  std::map<std::string, std::ofstream*> all{{iterations_name, &iterations_}};
+  if (coupled_) all.emplace(convergence_name, &convergence_);
+  for (auto& [name, file] : watch_files_) all.emplace(watch_name(name), &file);
+  return all;
+}
+
+void RunRecord::flush() {
+  for (const auto& [name, file] : files()) check(*file, name);
+  flushed_ = std::chrono::steady_clock::now();
+}
+
+bool RunRecord::flush_if_due() {
+  // Row by row it would cost as much as the smallest windows' exchange.
+  constexpr std::chrono::milliseconds interval{20};
+  if (std::chrono::steady_clock::now() - flushed_ < interval) return false;
+  flush();
+  return true;
 }
 
 std::ofstream& RunRecord::watch_file(const v1::WatchSample& sample) {
@@ -206,7 +221,6 @@ void RunRecord::add(const v1::WatchSample& sample, std::uint64_t window, std::ui
     series.value.push_back(sample.value(i));
   }
   file << '\n';
-  check(file, watch_name(sample.name()));
 }
 
 }  // namespace estuary::coupler

@@ -3,6 +3,7 @@
 #pragma once
 
 #include <array>
+#include <chrono>
 #include <cstdint>
 #include <filesystem>
 #include <fstream>
@@ -85,6 +86,11 @@ public:
   void add(const IterationRow& row);
   void add(const WindowRow& row);
   void add(const v1::WatchSample& sample, std::uint64_t window, std::uint64_t iteration, double time);
+  /// Gives the rows so far to the system, so that a fault of this process does not lose them. Throws
+  /// std::runtime_error when they cannot be written.
+  void flush();
+  /// The same when rows may have waited for 20 ms. True when it did.
+  bool flush_if_due();
 
   [[nodiscard]] const std::vector<WindowRow>& windows() const { return windows_; }
   [[nodiscard]] const WatchRecord& watches() const { return watches_; }
@@ -94,6 +100,7 @@ private:
   void read_watch(const std::string& name);
   std::ofstream& watch_file(const v1::WatchSample& sample);
   void check(std::ofstream& file, const std::string& name) const;
+  [[nodiscard]] std::map<std::string, std::ofstream*> files();
 
   std::filesystem::path folder_;
   bool coupled_;
@@ -102,6 +109,7 @@ private:
   std::map<std::string, std::ofstream> watch_files_;
   WatchRecord watches_;
   std::vector<WindowRow> windows_;
+  std::chrono::steady_clock::time_point flushed_ = std::chrono::steady_clock::now();
 };
 
 }  // namespace estuary::coupler

@@ -137,7 +137,11 @@ void write_summary(const std::filesystem::path& folder, const CheckedScene& scen
          windows == 0 ? 0.0 : static_cast<double>(end.total_iterations) / static_cast<double>(windows)},
         {"max", most}}},
       {"participants", participants_json(scene, participants, end.wall_s)},
-      {"coupling", {{"exchange_s", finite_or_null(exchange_s)}, {"bytes", bytes}, {"messages", messages}}},
+      {"coupling",
+       {{"exchange_s", finite_or_null(exchange_s)},
+        {"compute_s", finite_or_null(end.coupler_s)},
+        {"bytes", bytes},
+        {"messages", messages}}},
       {"recovery",
        {{"checkpoints", end.checkpoints},
         {"checkpoint_s", finite_or_null(end.checkpoint_s)},
@@ -155,7 +159,8 @@ void write_summary(const std::filesystem::path& folder, const CheckedScene& scen
   if (!file) throw std::runtime_error(fmt::format("cannot write {}: is the disk full?", path.string()));
 }
 
-std::string timing_table(const Participants& participants, double wall_s) {
+std::string timing_table(const Participants& participants, const RunEnd& end) {
+  const double wall_s = end.wall_s;
   std::string text = fmt::format("{:<28} {:>10} {:>8}\n", "time", "seconds", "share");
   const auto row = [&](const std::string& name, double seconds) {
     text += fmt::format("{:<28} {:>10.3f} {:>6.1f} %\n", name, seconds,
@@ -167,6 +172,7 @@ std::string timing_table(const Participants& participants, double wall_s) {
     for (const auto& phase : participant->work().phases()) row("  " + phase.phase(), phase.seconds());
     exchange_s += participant->usage().exchange_s;
   }
+  row("coupler computes", end.coupler_s);
   row("exchange", exchange_s);
   row("whole run", wall_s);
   for (const auto& participant : participants.all()) {

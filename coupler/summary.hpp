@@ -16,8 +16,9 @@ namespace estuary::coupler {
 struct RunEnd {
   std::string
       status;  // "done", "check failed", "diverged or not converged", "participant lost", "interrupted"
-  std::string message;  // the line a person was told; empty when done
-  double wall_s = 0;    // with that of the runs it goes on from
+  std::string message;   // the line a person was told; empty when done
+  double wall_s = 0;     // with that of the runs it goes on from
+  double coupler_s = 0;  // spent by the coupler itself between the messages of the windows
   std::uint64_t total_iterations = 0;
   std::optional<std::uint64_t> resumed_from = {};  // window
   std::uint64_t relaunches = 0;
@@ -33,6 +34,6 @@ void write_summary(const std::filesystem::path& folder, const CheckedScene& scen
                    const std::vector<CheckResult>& checks, const RunEnd& end);
 
 /// Phase times, updates per second and memory of each participant, for the end of the run.
-std::string timing_table(const Participants& participants, double wall_s);
+std::string timing_table(const Participants& participants, const RunEnd& end);
 
 }  // namespace estuary::coupler

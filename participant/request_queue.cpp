@@ -8,6 +8,7 @@
 #include <array>
 #include <cerrno>
 #include <cstring>
+#include <span>
 
 #include "channel.hpp"
 
@@ -48,8 +49,9 @@ std::optional<v1::Request> RequestQueue::next() {
     std::array<pollfd, 3> wait{{{arrived_, POLLIN, 0},
                                 {line_ ? line_->descriptor() : -1, POLLIN, 0},
                                 {entrance_ ? entrance_->descriptor() : -1, POLLIN, 0}}};
-    if (!watch_.wait(wait, std::nullopt)) continue;  // a signal
-    if (wait[1].revents != 0) {
+    const std::array<DirectLine*, 1> lines{line_ ? &*line_ : nullptr};
+    if (!watch_.wait(wait, std::span(lines).first(line_ ? 1 : 0), std::nullopt)) continue;  // a signal
+    if (line_ && (line_->has_arrived() || wait[1].revents != 0)) {
       if (auto request = from_line()) return request;
     }
     if (wait[2].revents != 0) {

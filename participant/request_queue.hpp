@@ -12,6 +12,7 @@
 #include "conversation.hpp"
 #include "direct_line.hpp"
 #include "estuary/v1/protocol.pb.h"
+#include "line_watch.hpp"
 
 namespace estuary {
 

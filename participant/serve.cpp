@@ -89,7 +89,10 @@ private:
     for (const auto& role : identity_.roles) welcome->add_roles(role);
     for (const auto& capability : identity_.capabilities) welcome->add_capabilities(capability);
     welcome->add_capabilities("advance-accepts");  // by Session, for every participant
-    if (queue_.offers_direct_line()) welcome->add_capabilities("direct-line");
+    if (queue_.offers_direct_line()) {
+      welcome->add_capabilities("direct-line");
+      welcome->add_capabilities("shared-memory");
+    }
     for (const auto dimension : identity_.dimensions) welcome->add_dimensions(dimension);
     welcome->set_process(static_cast<std::uint64_t>(::getpid()));
     welcome->set_run_id(conversation_.run_id());

@@ -19,6 +19,7 @@
 
 #include "direct_line.hpp"
 #include "gatekeeper.hpp"
+#include "line_watch.hpp"
 
 namespace estuary {
 namespace {
@@ -237,9 +238,9 @@ ClientChannel::~ClientChannel() = default;
 ClientChannel::ClientChannel(ClientChannel&&) noexcept = default;
 ClientChannel& ClientChannel::operator=(ClientChannel&&) noexcept = default;
 
-void ClientChannel::open_direct_line() {
+void ClientChannel::open_direct_line(DirectLine::Bytes bytes) {
   if (const std::string path = direct_line_path(endpoint_); !path.empty())
-    socket_->line = DirectLine::connect(path);
+    socket_->line = DirectLine::connect(path, bytes);
 }
 
 void ClientChannel::send(const v1::Request& request) {
@@ -337,25 +338,26 @@ void ClientChannel::drop_unsent() {
 void ClientChannel::wait_for_any(std::span<ClientChannel* const> channels,
                                  std::chrono::milliseconds timeout) {
   // What else comes over a channel, reports of progress, can wait for the timeout.
-  const auto over_line = [](const ClientChannel* channel) {
-    return channel->socket_->line && channel->socket_->reply_over_line;
-  };
-  if (!channels.empty() && std::all_of(channels.begin(), channels.end(), over_line)) {
-    std::vector<pollfd> lines;
-    for (const ClientChannel* channel : channels)
-      lines.push_back({channel->socket_->line->descriptor(), POLLIN, 0});
-    (void)channels.front()->socket_->watch.wait(lines, timeout);
+  std::vector<DirectLine*> lines;
+  for (ClientChannel* channel : channels)
+    if (channel->socket_->line && channel->socket_->reply_over_line)
+      lines.push_back(&*channel->socket_->line);
+  if (!lines.empty() && lines.size() == channels.size()) {
+    std::vector<pollfd> watched;
+    for (const DirectLine* line : lines) watched.push_back({line->descriptor(), POLLIN, 0});
+    (void)channels.front()->socket_->watch.wait(watched, lines, timeout);
     return;
   }
   std::vector<zmq::pollitem_t> items;
   items.reserve(channels.size());
+  for (const DirectLine* line : lines) items.push_back({nullptr, line->descriptor(), ZMQ_POLLIN, 0});
   for (ClientChannel* channel : channels) {
-    if (over_line(channel)) {
-      items.push_back({nullptr, channel->socket_->line->descriptor(), ZMQ_POLLIN, 0});
-    } else {
+    if (!channel->socket_->line || !channel->socket_->reply_over_line)
       items.push_back({channel->socket_->socket.handle(), 0, ZMQ_POLLIN, 0});
-    }
   }
+  const Asleep asleep(lines);
+  if (std::any_of(lines.begin(), lines.end(), [](const DirectLine* line) { return line->has_arrived(); }))
+    return;
   try {
     zmq::poll(items, timeout);
   } catch (const zmq::error_t& error) {

@@ -15,6 +15,7 @@
 #include <string_view>
 
 #include "curve_keys.hpp"
+#include "direct_line.hpp"
 #include "estuary/v1/protocol.pb.h"
 
 namespace estuary {
@@ -57,8 +58,8 @@ public:
 
   /// Enters the participant's direct line when it has one at this endpoint; an Advance and an Accept then go
   /// over it, and their replies come back over it. To be called after its Welcome with the capability
-  /// "direct-line".
-  void open_direct_line();
+  /// "direct-line"; through memory where it has the capability "shared-memory" too.
+  void open_direct_line(DirectLine::Bytes bytes = DirectLine::Bytes::over_socket);
 
   /// Throws ChannelError when the message is too large.
   void send(const v1::Request& request);

@@ -5,17 +5,21 @@
 // other before a reader has it. Here the writer wakes the reader, which is what a window of a few hundred
 // microseconds asks for. The messages are the same, each preceded by its length in bytes (eight bytes, the
 // machine's order: both ends are on the same machine). Nothing waits without a deadline.
+//
+// Where both ends can, the bytes go through memory that they share (shared_stream.hpp): whoever is awake sees
+// them at once, whoever sleeps is woken by a byte on the socket, which also tells when the other end is gone.
+// Who connects says so by eight bytes of ones, a length that no message has, with the memory's descriptor.
 #pragma once
 
 #include <google/protobuf/message_lite.h>
-#include <poll.h>
+#include <sys/types.h>
 
-#include <chrono>
 #include <cstdint>
 #include <optional>
-#include <span>
 #include <string>
 #include <vector>
+
+#include "shared_stream.hpp"
 
 namespace estuary {
 
@@ -26,49 +30,59 @@ namespace estuary {
 /// One connected end. One thread only.
 class DirectLine {
 public:
-  /// Nothing when nobody listens at `path`.
-  [[nodiscard]] static std::optional<DirectLine> connect(const std::string& path);
+  /// Through memory with what SharedStream::create wants to know of the processors.
+  enum class Bytes { over_socket, through_memory, through_memory_with_processor_to_spare };
+  /// Nothing when nobody listens at `path`. Through memory only where the other end is known to understand
+  /// it; over the socket all the same when the system gives none.
+  [[nodiscard]] static std::optional<DirectLine> connect(const std::string& path, Bytes bytes);
   /// Takes a connected stream socket.
   explicit DirectLine(int descriptor);
   ~DirectLine();
   DirectLine(DirectLine&& other) noexcept;
   DirectLine& operator=(DirectLine&& other) noexcept;
 
-  /// Bytes written; 0 when the other end is gone. Throws ChannelError when the message is too large, or no
-  /// byte of it is taken for two seconds.
+  /// Bytes written; 0 when the other end is seen to be gone, which through memory is not looked for while
+  /// there is room. Throws ChannelError when the message is too large, or no byte of it is taken for two
+  /// seconds.
   [[nodiscard]] std::size_t send(const google::protobuf::MessageLite& message);
 
   enum class Received { nothing, message, closed };
   /// Takes what has arrived, without waiting. Throws ChannelError when it is not a message of the given kind.
   [[nodiscard]] Received receive(google::protobuf::MessageLite& message);
 
-  /// To wait on.
+  /// To wait on, after `say_asleep` where there is memory.
   [[nodiscard]] int descriptor() const { return descriptor_; }
+  /// Whether there are bytes in memory, or the end of the line was seen; without memory only the descriptor
+  /// tells.
+  [[nodiscard]] bool has_arrived() const { return closed_ || (memory_ && memory_->readable()); }
+  /// The memory, null where the bytes go over the socket.
+  [[nodiscard]] SharedStream* memory() { return memory_ ? &*memory_ : nullptr; }
+  /// Takes from the socket what the other end rang with.
+  void take_rings();
   /// Of the message last received.
   [[nodiscard]] std::size_t bytes_received() const { return size_of_last_; }
 
 private:
-  // Reads until `wanted` bytes are there; false when they have not all come yet.
+  // Reads until `wanted` bytes are there.
   [[nodiscard]] Received fill(std::size_t wanted);
+  [[nodiscard]] Received fill_from_memory(std::size_t wanted);
+  // As recv(2), keeping a descriptor that comes along with the first bytes of the line.
+  [[nodiscard]] ssize_t take(char* bytes, std::size_t size);
+  [[nodiscard]] std::size_t send_over_socket();
+  [[nodiscard]] std::size_t send_through_memory();
+  // False when the other end is gone.
+  [[nodiscard]] bool ring();
+  [[nodiscard]] bool offer_memory();
 
   int descriptor_ = -1;
+  int offered_ = -1;            // the descriptor of memory that came with the first bytes
+  bool may_be_offered_ = true;  // nothing was received yet
+  bool closed_ = false;         // seen while rings were taken
+  std::optional<SharedStream> memory_;
   std::vector<char> outgoing_;
   std::vector<char> incoming_;
   std::size_t have_ = 0;  // bytes of the message under way, its length included
   std::size_t size_of_last_ = 0;
-};
-
-/// Waits on descriptors, awake at first: waking a thread on an idle processor takes longer than a message,
-/// and as long as a small window. It stays awake when the last wait was short enough for it, and only while
-/// no other thread wants its processor. One thread only.
-class LineWatch {
-public:
-  /// Fills in `revents` as poll(2) does; false when `timeout` passes (none: never) or a signal came.
-  [[nodiscard]] bool wait(std::span<pollfd> watched, std::optional<std::chrono::milliseconds> timeout);
-
-private:
-  std::chrono::nanoseconds last_{0};            // length of the last wait
-  unsigned sleeps_left_ = 0, sleeps_next_ = 0;  // waits to sleep through since a processor was wanted
 };
 
 /// The participant's entrance. One thread only.

@@ -90,7 +90,7 @@ v1::Reply answer_on(DirectLine& line) {
 
 TEST_F(Queue, AnswersWhereItWasAsked) {
   ASSERT_TRUE(queue_.offers_direct_line());
-  auto line = DirectLine::connect(path_ + ".line");
+  auto line = DirectLine::connect(path_ + ".line", DirectLine::Bytes::over_socket);
   ASSERT_TRUE(line);
   ASSERT_NE(line->send(request(1)), 0U);
   const auto first = queue_.next();
@@ -105,7 +105,7 @@ TEST_F(Queue, AnswersWhereItWasAsked) {
 }
 
 TEST_F(Queue, RepeatsAndRefusesOnTheLineWithoutComputing) {
-  auto line = DirectLine::connect(path_ + ".line");
+  auto line = DirectLine::connect(path_ + ".line", DirectLine::Bytes::over_socket);
   ASSERT_TRUE(line);
   ASSERT_NE(line->send(request(7)), 0U);
   (void)queue_.reply(reply_to(*queue_.next()));
@@ -127,7 +127,7 @@ TEST_F(Queue, EndsWhenItIsClosed) {
 
 TEST_F(Queue, OutlivesALineThatSendsGarbage) {
   {
-    auto line = DirectLine::connect(path_ + ".line");
+    auto line = DirectLine::connect(path_ + ".line", DirectLine::Bytes::over_socket);
     ASSERT_TRUE(line);
     v1::Header not_a_request;  // its bytes are no Request
     not_a_request.set_run_id(std::string(50, '\xff'));
@@ -138,7 +138,7 @@ TEST_F(Queue, OutlivesALineThatSendsGarbage) {
   ASSERT_TRUE(queue_.next());
   (void)queue_.reply(reply_to(request(1)));
   EXPECT_EQ(queue_.take_reply()->header().sequence(), 1U);
-  auto line = DirectLine::connect(path_ + ".line");
+  auto line = DirectLine::connect(path_ + ".line", DirectLine::Bytes::over_socket);
   ASSERT_TRUE(line);
   ASSERT_NE(line->send(request(2)), 0U);
   EXPECT_EQ(queue_.next()->header().sequence(), 2U);

@@ -1,18 +1,23 @@
 #include "direct_line.hpp"
 
+#include <fcntl.h>
 #include <gtest/gtest.h>
 #include <poll.h>
+#include <sys/mman.h>
 #include <sys/socket.h>
 #include <sys/stat.h>
 #include <unistd.h>
 
 #include <array>
 #include <chrono>
+#include <cstring>
 #include <ctime>
 #include <filesystem>
+#include <optional>
 #include <thread>
 
 #include "channel.hpp"
+#include "line_watch.hpp"
 
 namespace estuary {
 namespace {
@@ -34,6 +39,13 @@ v1::Request advance(int nodes) {
   auto& displacement = *request.mutable_advance()->mutable_inputs()->mutable_displacements();
   for (int i = 0; i < nodes; ++i) displacement.add_displacement(0.1 * i);
   return request;
+}
+
+// Of processor time of this thread.
+double thread_seconds() {
+  timespec time{};
+  ::clock_gettime(CLOCK_THREAD_CPUTIME_ID, &time);
+  return static_cast<double>(time.tv_sec) + 1e-9 * static_cast<double>(time.tv_nsec);
 }
 
 // Both ends of a line.
@@ -101,13 +113,13 @@ TEST(DirectLine, RefusesWhatIsNoMessage) {
 
 TEST(DirectLine, IsEnteredByThisUserOnlyAndOnlyWhereSomebodyListens) {
   const std::string path = local_path("entrance");
-  EXPECT_FALSE(DirectLine::connect(path));
+  EXPECT_FALSE(DirectLine::connect(path, DirectLine::Bytes::over_socket));
   DirectLineEntrance entrance(path);
   EXPECT_FALSE(entrance.accept());
   struct stat entry {};
   ASSERT_EQ(::stat(path.c_str(), &entry), 0);
   EXPECT_EQ(entry.st_mode & 0777U, 0600U);
-  auto near = DirectLine::connect(path);
+  auto near = DirectLine::connect(path, DirectLine::Bytes::over_socket);
   ASSERT_TRUE(near);
   wait_for(entrance.descriptor());
   auto far = entrance.accept();
@@ -160,13 +172,191 @@ TEST(ClientChannel, SendsWindowsOverTheLineAndTheRestOverTheChannel) {
   EXPECT_TRUE(again->request->has_advance());
 }
 
+// Both ends of a line through memory, entered as a coupler enters it.
+class MemoryLine : public testing::Test {
+protected:
+  void SetUp() override {
+    wait_for(entrance_.descriptor());
+    far_ = entrance_.accept();
+    ASSERT_TRUE(near_ && far_);
+    // The far end maps the memory with the first bytes that it takes.
+    v1::Request nothing;
+    ASSERT_EQ(far_->receive(nothing), DirectLine::Received::nothing);
+    ASSERT_TRUE(near_->memory() != nullptr && far_->memory() != nullptr);
+  }
+  std::string path_ = local_path("memory");
+  DirectLineEntrance entrance_{path_};
+  std::optional<DirectLine> near_ = DirectLine::connect(path_, DirectLine::Bytes::through_memory);
+  std::optional<DirectLine> far_;
+};
+
+TEST_F(MemoryLine, CarriesMessagesBothWaysRoundAndRound) {
+  LineWatch near_watch;
+  std::thread far([&] {
+    LineWatch watch;
+    std::array<pollfd, 1> watched{{{far_->descriptor(), POLLIN, 0}}};
+    const std::array<DirectLine*, 1> lines{&*far_};
+    v1::Request request;
+    for (int k = 0; k < 3000;) {
+      (void)watch.wait(watched, lines, std::chrono::milliseconds(5000));
+      if (far_->receive(request) != DirectLine::Received::message) continue;
+      v1::Reply reply;
+      reply.set_compute_s(request.advance().inputs().displacements().displacement_size());
+      ASSERT_NE(far_->send(reply), 0U);
+      ++k;
+    }
+  });
+  std::array<pollfd, 1> watched{{{near_->descriptor(), POLLIN, 0}}};
+  const std::array<DirectLine*, 1> lines{&*near_};
+  v1::Reply reply;
+  for (int k = 0; k < 3000; ++k) {
+    ASSERT_NE(near_->send(advance(k)), 0U);
+    // Now and then long enough for the other to fall asleep.
+    if (k % 500 == 0) std::this_thread::sleep_for(std::chrono::milliseconds(5));
+    while (near_->receive(reply) != DirectLine::Received::message)
+      ASSERT_TRUE(near_watch.wait(watched, lines, std::chrono::milliseconds(5000)));
+    ASSERT_EQ(reply.compute_s(), k);
+  }
+  far.join();
+}
+
+TEST_F(MemoryLine, CarriesAMessageLargerThanTheMemory) {
+  const v1::Request sent = advance(300'000);
+  ASSERT_GT(sent.ByteSizeLong(), 4 * SharedStream::capacity);
+  std::thread writer([&] { EXPECT_EQ(near_->send(sent), sent.ByteSizeLong() + 8); });
+  LineWatch watch;
+  std::array<pollfd, 1> watched{{{far_->descriptor(), POLLIN, 0}}};
+  const std::array<DirectLine*, 1> lines{&*far_};
+  v1::Request received;
+  while (far_->receive(received) != DirectLine::Received::message)
+    ASSERT_TRUE(watch.wait(watched, lines, std::chrono::milliseconds(5000)));
+  writer.join();
+  EXPECT_EQ(received.SerializeAsString(), sent.SerializeAsString());
+}
+
+TEST_F(MemoryLine, GivesWhatWasSaidBeforeTheOtherEndWentAndThenNoticesIt) {
+  ASSERT_NE(near_->send(advance(3)), 0U);
+  near_.reset();
+  LineWatch watch;
+  std::array<pollfd, 1> watched{{{far_->descriptor(), POLLIN, 0}}};
+  const std::array<DirectLine*, 1> lines{&*far_};
+  v1::Request received;
+  ASSERT_EQ(far_->receive(received), DirectLine::Received::message);
+  auto state = DirectLine::Received::nothing;
+  while (state == DirectLine::Received::nothing) {  // it was rung too
+    ASSERT_TRUE(watch.wait(watched, lines, std::chrono::milliseconds(5000)));
+    state = far_->receive(received);
+  }
+  EXPECT_EQ(state, DirectLine::Received::closed);
+  EXPECT_EQ(far_->send(advance(3)), 0U);
+}
+
+TEST_F(MemoryLine, SleepsThroughLongWaitsAndIsWoken) {
+  LineWatch watch;
+  std::array<pollfd, 1> watched{{{near_->descriptor(), POLLIN, 0}}};
+  const std::array<DirectLine*, 1> lines{&*near_};
+  const double before = thread_seconds();
+  for (int k = 0; k < 5; ++k) EXPECT_FALSE(watch.wait(watched, lines, std::chrono::milliseconds(20)));
+  EXPECT_LT(thread_seconds() - before, 0.02);  // of 0.1 s
+  std::thread other([&] {
+    std::this_thread::sleep_for(std::chrono::milliseconds(5));
+    EXPECT_NE(far_->send(v1::Reply()), 0U);
+  });
+  EXPECT_TRUE(watch.wait(watched, lines, std::chrono::milliseconds(5000)));
+  other.join();
+  v1::Reply reply;
+  EXPECT_EQ(near_->receive(reply), DirectLine::Received::message);
+}
+
+TEST_F(MemoryLine, RefusesWhatIsNoMessageAndSizesThatAreAbsurd) {
+  v1::Request received;
+  const std::uint64_t huge = std::uint64_t{1} << 60U;
+  ASSERT_EQ(near_->memory()->write(reinterpret_cast<const char*>(&huge), sizeof huge), sizeof huge);
+  EXPECT_THROW((void)far_->receive(received), ChannelError);
+  const std::array<char, 12> garbage{4, 0, 0, 0, 0, 0, 0, 0, '\xff', '\xff', '\xff', '\xff'};
+  ASSERT_EQ(far_->memory()->write(garbage.data(), garbage.size()), garbage.size());
+  EXPECT_THROW((void)near_->receive(received), ChannelError);
+}
+
+// Memory as somebody faulty hands it over, with the eight bytes that announce it.
+DirectLine::Received take_memory(int descriptor) {
+  const std::array<int, 2> ends = Pair::sockets();
+  DirectLine far(ends[1]);
+  std::uint64_t said = ~std::uint64_t{0};
+  iovec bytes{&said, sizeof said};
+  alignas(cmsghdr) std::array<char, CMSG_SPACE(sizeof(int))> extra{};
+  msghdr message{};
+  message.msg_iov = &bytes;
+  message.msg_iovlen = 1;
+  message.msg_control = extra.data();
+  message.msg_controllen = extra.size();
+  cmsghdr* head = CMSG_FIRSTHDR(&message);
+  head->cmsg_level = SOL_SOCKET;
+  head->cmsg_type = SCM_RIGHTS;
+  head->cmsg_len = CMSG_LEN(sizeof(int));
+  std::memcpy(CMSG_DATA(head), &descriptor, sizeof descriptor);
+  EXPECT_EQ(::sendmsg(ends[0], &message, 0), 8);
+  ::close(descriptor);
+  v1::Request received;
+  const auto close_near = [&] { ::close(ends[0]); };
+  try {
+    const auto state = far.receive(received);
+    close_near();
+    return state;
+  } catch (...) {
+    close_near();
+    throw;
+  }
+}
+
+TEST(SharedStream, IsNotMappedWhenItCouldShrinkOrHasAnotherSize) {
+  struct stat right {};
+  {
+    const auto stream = SharedStream::create(true);
+    ASSERT_TRUE(stream);
+    ASSERT_EQ(::fstat(stream->descriptor(), &right), 0);
+    EXPECT_NE(::ftruncate(stream->descriptor(), 0), 0);
+    EXPECT_EQ(take_memory(::dup(stream->descriptor())), DirectLine::Received::nothing);
+  }
+  const auto memory = [](off_t size, int seals) {
+    const int descriptor = ::memfd_create("test", MFD_CLOEXEC | MFD_ALLOW_SEALING);
+    EXPECT_EQ(::ftruncate(descriptor, size), 0);
+    EXPECT_EQ(::fcntl(descriptor, F_ADD_SEALS, seals), 0);
+    return descriptor;
+  };
+  EXPECT_THROW((void)take_memory(memory(right.st_size, F_SEAL_GROW)), ChannelError);
+  EXPECT_THROW((void)take_memory(memory(4096, F_SEAL_GROW | F_SEAL_SHRINK)), ChannelError);
+  EXPECT_THROW((void)take_memory(::open("/dev/null", O_RDWR | O_CLOEXEC)), ChannelError);
+}
+
+TEST(SharedStream, DoesNotBelieveACounterThatCannotBe) {
+  auto near = SharedStream::create(true);
+  ASSERT_TRUE(near);
+  const int descriptor = ::dup(near->descriptor());
+  auto far = SharedStream::map(descriptor);
+  ASSERT_EQ(near->write("12345678", 8), 8U);
+  // The writer's counter of the first direction comes first.
+  struct stat entry {};
+  ASSERT_EQ(::fstat(near->descriptor(), &entry), 0);
+  void* place = ::mmap(nullptr, static_cast<std::size_t>(entry.st_size), PROT_READ | PROT_WRITE, MAP_SHARED,
+                       near->descriptor(), 0);
+  ASSERT_NE(place, MAP_FAILED);
+  *static_cast<std::uint64_t*>(place) = SharedStream::capacity + 1;
+  std::array<char, 8> bytes{};
+  EXPECT_THROW((void)far.read(bytes.data(), bytes.size()), ChannelError);
+  EXPECT_EQ(near->write("12345678", 8), 8U);  // it keeps its own count
+  EXPECT_EQ(far.read(bytes.data(), bytes.size()), 8U);
+  ::munmap(place, static_cast<std::size_t>(entry.st_size));
+}
+
 TEST(LineWatch, SeesWhatComesAndKeepsToItsTimeout) {
   Pair line;
   LineWatch watch;
   std::array<pollfd, 1> watched{{{line.far.descriptor(), POLLIN, 0}}};
-  EXPECT_FALSE(watch.wait(watched, std::chrono::milliseconds(20)));
+  const std::array<DirectLine*, 1> lines{&line.far};
+  EXPECT_FALSE(watch.wait(watched, lines, std::chrono::milliseconds(20)));
   EXPECT_NE(line.near.send(advance(3)), 0u);
-  EXPECT_TRUE(watch.wait(watched, std::nullopt));
+  EXPECT_TRUE(watch.wait(watched, lines, std::nullopt));
   EXPECT_NE(watched[0].revents & POLLIN, 0);
   std::thread writer([&] {
     v1::Request received;
@@ -175,21 +365,17 @@ TEST(LineWatch, SeesWhatComesAndKeepsToItsTimeout) {
     EXPECT_NE(line.near.send(advance(3)), 0u);
   });
   writer.join();
-  EXPECT_TRUE(watch.wait(watched, std::nullopt));
+  EXPECT_TRUE(watch.wait(watched, lines, std::nullopt));
 }
 
 TEST(LineWatch, SleepsThroughLongWaits) {
-  const auto used = [] {
-    timespec time{};
-    ::clock_gettime(CLOCK_THREAD_CPUTIME_ID, &time);
-    return static_cast<double>(time.tv_sec) + 1e-9 * static_cast<double>(time.tv_nsec);
-  };
   Pair line;
   LineWatch watch;
   std::array<pollfd, 1> watched{{{line.far.descriptor(), POLLIN, 0}}};
-  const double before = used();
-  for (int k = 0; k < 5; ++k) EXPECT_FALSE(watch.wait(watched, std::chrono::milliseconds(20)));
-  EXPECT_LT(used() - before, 0.02);  // of 0.1 s
+  const std::array<DirectLine*, 1> lines{&line.far};
+  const double before = thread_seconds();
+  for (int k = 0; k < 5; ++k) EXPECT_FALSE(watch.wait(watched, lines, std::chrono::milliseconds(20)));
+  EXPECT_LT(thread_seconds() - before, 0.02);  // of 0.1 s
 }
 
 }  // namespace
