@@ -232,6 +232,7 @@ TEST(RunRecord, GoesBackToAPlace) {
   EXPECT_THAT(record.watches().at("tip").at("x").value, ElementsAreArray({1.0 / 3.0, 1.0 / 3.0}));
   EXPECT_FALSE(std::filesystem::exists(folder.path() / "watch" / "late.csv"));
   record.add(tip, 3, 1, 0.3);
+  record.flush();
   const std::string text = content("watch/tip.csv");
   EXPECT_EQ(std::count(text.begin(), text.end(), '\n'), 4);
   position["iterations.csv"] = 1000000;
