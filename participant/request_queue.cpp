@@ -44,6 +44,11 @@ void RequestQueue::close() {
   ::eventfd_write(arrived_, 1);
 }
 
+bool RequestQueue::closed() const {
+  const std::lock_guard lock(mutex_);
+  return closed_;
+}
+
 std::optional<v1::Request> RequestQueue::next() {
   while (true) {
     std::array<pollfd, 3> wait{{{arrived_, POLLIN, 0},
@@ -51,6 +56,7 @@ std::optional<v1::Request> RequestQueue::next() {
                                 {entrance_ ? entrance_->descriptor() : -1, POLLIN, 0}}};
     const std::array<DirectLine*, 1> lines{line_ ? &*line_ : nullptr};
     if (!watch_.wait(wait, std::span(lines).first(line_ ? 1 : 0), std::nullopt)) continue;  // a signal
+    if (closed()) return std::nullopt;  // what is asked in the same moment is lost with this process
     if (line_ && (line_->has_arrived() || wait[1].revents != 0)) {
       if (auto request = from_line()) return request;
     }
@@ -60,8 +66,6 @@ std::optional<v1::Request> RequestQueue::next() {
     }
     if (wait[0].revents != 0) {
       if (auto request = from_receiver()) return request;
-      const std::lock_guard lock(mutex_);
-      if (closed_) return std::nullopt;
     }
   }
 }

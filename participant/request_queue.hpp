@@ -35,6 +35,8 @@ public:
   // For the computing thread.
   /// Waits for a request that is to be carried out. Nothing when the process is to end.
   [[nodiscard]] std::optional<v1::Request> next();
+  /// Whether the process is to end.
+  [[nodiscard]] bool closed() const;
   /// The reply to the last request of `next`. True when the receiving thread has to send it.
   [[nodiscard]] bool reply(std::shared_ptr<const v1::Reply> reply);
 
@@ -49,7 +51,7 @@ private:
   std::optional<DirectLine> line_;
   LineWatch watch_;
   bool came_over_line_ = false;
-  std::mutex mutex_;
+  mutable std::mutex mutex_;
   std::deque<v1::Request> requests_;
   std::deque<std::shared_ptr<const v1::Reply>> replies_;
   bool closed_ = false;

@@ -274,8 +274,8 @@ int serve(int argc, char** argv, std::unique_ptr<Participant> participant) {
         spdlog::error("channel: {}", error.what());
       }
       if (stopped_properly) return;
+      queue.close();  // first, so that what it interrupts is told from what was asked to stop
       board.request_stop();
-      queue.close();
       const auto deadline = steady_clock::now() + grace_after_loss;
       while (!computing_ended && steady_clock::now() < deadline) {
         std::this_thread::sleep_for(std::chrono::milliseconds(20));
@@ -292,6 +292,8 @@ int serve(int argc, char** argv, std::unique_ptr<Participant> participant) {
       board.begin_phase(phase_name(*request));
       const auto reply = std::make_shared<const v1::Reply>(session.answer(*request));
       board.begin_phase("idle");
+      // Nobody asked for what a signal interrupted: the coupler takes this process for lost, and may go on.
+      if (reply->has_error() && queue.closed()) break;
       if (reply->has_error()) {
         spdlog::error("{}, window {} iteration {}: {} {}", phase_name(*request), request->header().window(),
                       request->header().iteration(), reply->error().field(), reply->error().message());
