@@ -99,7 +99,7 @@ struct Box {
 
 std::string block(const std::string& name, const PointFrame& frame, const Shown& shown) {
   const std::size_t count = frame.positions.size() / 2;
-  const std::size_t stride = (count + most_particles - 1) / most_points;
+  const std::size_t stride = (count + most_particles - 1) / most_particles;
   std::string text = fmt::format("${} << END\n", name);
   for (std::size_t i = 0; i < count; i += std::max<std::size_t>(1, stride)) {
     text += fmt::format("{:.9g} {:.9g} {:.9g} {:.9g}\n", frame.positions[2 * i], frame.positions[2 * i + 1],

@@ -63,6 +63,9 @@ RunRecord::RunRecord(const std::filesystem::path& folder, const CouplingScene& s
 }
 
 void RunRecord::begin_anew() {
+  // What they still hold back goes to the old files, not into the new ones.
+  iterations_.close();
+  convergence_.close();
   watch_files_.clear();
   watches_.clear();
   windows_.clear();

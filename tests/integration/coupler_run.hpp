@@ -7,6 +7,7 @@
 #include <filesystem>
 #include <fstream>
 #include <nlohmann/json.hpp>
+#include <stdexcept>
 #include <string>
 #include <vector>
 
@@ -20,7 +21,10 @@ namespace estuary::test {
 /// test of the release build.
 inline std::string participant_program(const std::filesystem::path& program) {
   const char* folder = std::getenv("ESTUARY_TEST_PARTICIPANTS");
-  return folder == nullptr ? program.string() : (folder / program.filename()).string();
+  if (folder == nullptr) return program.string();
+  const std::filesystem::path watched = folder / program.filename();
+  if (!std::filesystem::exists(watched)) throw std::runtime_error(watched.string() + " is not there");
+  return watched.string();
 }
 
 class CouplerRun : public testing::Test {

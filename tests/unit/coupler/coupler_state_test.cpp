@@ -239,5 +239,30 @@ TEST(RunRecord, GoesBackToAPlace) {
   EXPECT_THROW(record.go_back(position), std::runtime_error);
 }
 
+// Rows that are not on disk yet belong to what is thrown away.
+TEST(RunRecord, BeginsAnewWithoutWhatWasHeldBack) {
+  const TemporaryFolder folder;
+  CouplingScene scene;
+  scene.participants.resize(2);
+  const auto content = [&](const char* name) {
+    std::ifstream file(folder.path() / name);
+    return std::string(std::istreambuf_iterator<char>(file), {});
+  };
+  std::string untouched[2];
+  {
+    RunRecord record(folder.path(), scene);
+    record.flush();
+    untouched[0] = content("iterations.csv");
+    untouched[1] = content("convergence.csv");
+    IterationRow row;
+    row.window = row.iteration = 1;
+    record.add(row);
+    record.add(WindowRow{.window = 1, .total_iterations = 1, .iterations = 1, .verdict = "converged"});
+    record.begin_anew();
+  }
+  EXPECT_EQ(content("iterations.csv"), untouched[0]);
+  EXPECT_EQ(content("convergence.csv"), untouched[1]);
+}
+
 }  // namespace
 }  // namespace estuary::coupler

@@ -6,6 +6,7 @@
 #include <cstdlib>
 
 #include "gnuplot.hpp"
+#include "particle_picture.hpp"
 #include "report_page.hpp"
 #include "sample_run.hpp"
 
@@ -34,6 +35,29 @@ public:
 private:
   std::string before_;
 };
+
+/// A run with so many particles whose pictures nobody draws: its gnuplot keeps the last script it was given.
+std::string script_of_particles(std::size_t count) {
+  const TemporaryFolder folder;
+  std::vector<double> particles;
+  for (std::size_t i = 0; i < count; ++i)
+    particles.insert(particles.end(), {0.1 * static_cast<double>(i), 0.0});
+  std::filesystem::create_directories(folder.path() / "run" / "solid");
+  FieldSeries frames(folder.path() / "run" / "solid", "frame");
+  write_points(folder.path() / "run" / "solid" / frames.file_name(1), 2, particles, {}, {});
+  frames.add(1, 1.0);
+  const auto program = folder.path() / "gnuplot";
+  const auto script = folder.path() / "script";
+  std::ofstream(program) << "#!/bin/sh\n/bin/cat >'" << script.string() << "'\necho drawn >'"
+                         << (folder.path() / "a.png").string() << "'\n";
+  std::filesystem::permissions(program, std::filesystem::perms::owner_all);
+  const std::string before = std::getenv("PATH");
+  setenv("PATH", folder.path().c_str(), 1);
+  draw_particles(folder.path() / "run", "solid", folder.path() / "a.png", true, *Gnuplot::find());
+  setenv("PATH", before.c_str(), 1);
+  std::ifstream file(script);
+  return {std::istreambuf_iterator<char>(file), {}};
+}
 
 class Report : public ::testing::Test {
 protected:
@@ -90,6 +114,17 @@ TEST_F(Report, DrawsFieldsConvergenceAndWatches) {
   EXPECT_GT(png.size(), 20'000U);
   EXPECT_THAT(run_.read("report/convergence.svg"), HasSubstr("tolerance"));
   EXPECT_FALSE(std::filesystem::exists(run_.folder() / "report" / "work"));
+}
+
+TEST(ParticlePicture, ShowsEveryParticleUpToTwentyThousand) {
+  const auto points = [](std::size_t count) {
+    const std::string script = script_of_particles(count);
+    const auto begin = script.find("$last << END\n") + 13;
+    return occurrences(script.substr(begin, script.find("END\n", begin) - begin), "\n");
+  };
+  EXPECT_EQ(points(4), 4U);
+  EXPECT_EQ(points(20000), 20000U);
+  EXPECT_EQ(points(20001), 10001U);
 }
 
 TEST_F(Report, EscapesWhatAPersonWrote) {
