@@ -6,7 +6,8 @@
 In any Markdown file of the repository, what stands between a line like one of these and `<!-- end -->` is made anew:
 
     <!-- study: NAME -->          results of configs/studies/NAME.toml and their picture
-    <!-- costs: NAME NAME ... --> cheapest settings below 5, 2, 1 and 0.3 % of some studies, one line each
+    <!-- costs: NAME NAME ... --> cheapest settings below 5, 2, 1 and 0.3 % of some studies, one line each; none below the smallest
+                                  of a study's own `limits`, where its reference is not known that well
     <!-- maps: NAME NAME ... -->  what the runs of some maps of stability came to, one line each
     <!-- scenes: FOLDER -->       every check of the scenes of configs/FOLDER
     <!-- checks -->               how many checks of each folder hold, and those that do not
@@ -261,7 +262,7 @@ def costs_block(names, page):
         study = Study(name)
         cells = [f"[{study.title.split(':')[0]}]({os.path.relpath(STUDIES / f'{name}.toml', page.parent)})"]
         for limit in LIMITS:
-            best = study.cheapest(limit)
+            best = study.cheapest(limit) if limit >= min(study.scene.get("limits", [0])) else None
             if best is None:
                 cells.append("-")
                 continue
