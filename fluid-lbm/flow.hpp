@@ -128,6 +128,8 @@ public:
   void give_back(const State& state, std::span<const double> positions, std::span<const double> velocities,
                  double velocity_scale);
 
+  /// That share a step.
+  [[nodiscard]] int threads() const;
   /// Steps with fixed surfaces and sides.
   void run(std::size_t steps);
   /// The boundary rules alone; afterwards fields, loads and forces can be read. The next step does not repeat
@@ -173,7 +175,6 @@ private:
   void settle();
   [[nodiscard]] bool looks_beside() const;
   [[nodiscard]] bool reflects_within_step() const;
-  [[nodiscard]] int threads() const;
 
   FlowSettings settings_;
   Populations populations_;
