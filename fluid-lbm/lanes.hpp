@@ -1,8 +1,8 @@
 // Several nodes at a time: a value of each in one vector register.
 //
 // The compiler's own vector types (GCC, Clang) rather than loops left to its vectoriser: a step then computes
-// every node by the same operations in the same order whatever the width, and the last nodes of a run need no
-// loop of their own.
+// every node by the same operations in the same order whatever the width. The last nodes of a run are part of
+// a vector whose other lanes are neither read nor written.
 #pragma once
 
 #include <cmath>
@@ -10,7 +10,7 @@
 #include <cstring>
 #include <type_traits>
 
-#if defined(__AVX512VL__)
+#if defined(__AVX__)
 #include <immintrin.h>
 #endif
 
@@ -67,6 +67,17 @@ template <class Real>
   std::memcpy(to, &value, sizeof value);
 }
 
+#if defined(__AVX__) && !defined(__AVX512VL__)
+/// All bits of the lanes whose bit is set.
+template <class Real>
+[[gnu::always_inline]] inline __m256i lane_mask(unsigned bits) {
+  typedef int Words [[gnu::vector_size(32)]];
+  constexpr Words each =
+      std::is_same_v<Real, double> ? Words{1, 1, 2, 2, 4, 4, 8, 8} : Words{1, 2, 4, 8, 16, 32, 64, 128};
+  return __builtin_bit_cast(__m256i, (each & static_cast<int>(bits)) != 0);
+}
+#endif
+
 /// The lanes whose bit is set from memory, the others zero. No other memory is touched. One by one where the
 /// processor has no masks.
 template <class Real>
@@ -76,6 +87,12 @@ template <class Real>
     return _mm512_maskz_loadu_pd(static_cast<__mmask8>(bits), from);
   } else {
     return _mm256_maskz_loadu_ps(static_cast<__mmask8>(bits), from);
+  }
+#elif defined(__AVX__)
+  if constexpr (std::is_same_v<Real, double>) {
+    return _mm256_maskload_pd(from, lane_mask<Real>(bits));
+  } else {
+    return _mm256_maskload_ps(from, lane_mask<Real>(bits));
   }
 #else
   typename Lanes<Real>::Vector value{};
@@ -94,6 +111,12 @@ template <class Real>
     _mm512_mask_storeu_pd(to, static_cast<__mmask8>(bits), value);
   } else {
     _mm256_mask_storeu_ps(to, static_cast<__mmask8>(bits), value);
+  }
+#elif defined(__AVX__)
+  if constexpr (std::is_same_v<Real, double>) {
+    _mm256_maskstore_pd(to, lane_mask<Real>(bits), value);
+  } else {
+    _mm256_maskstore_ps(to, lane_mask<Real>(bits), value);
   }
 #else
   for (int k = 0; k < Lanes<Real>::count; ++k) {
