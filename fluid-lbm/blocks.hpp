@@ -1,8 +1,9 @@
 // Fluid nodes among many solid ones, eight places of memory at a time: what a step passes over where runs of
 // fluid nodes are short, without a branch that depends on how long they are.
 //
-// A block is a cache line of each population in double precision, and those of its nodes that are fluid and
-// whose neighbours stand at constant distances. Walls at rest half-way on the links (still_links.hpp) are
+// A block is eight places that follow each other (in each population a cache line in double precision, half
+// of one in single) and says which of them are fluid nodes; the nodes of a block have their neighbours at the
+// same distances. Walls at rest half-way on the links (still_links.hpp) are
 // part of the pass, and only of odd steps: what left the nodes stands at the nodes after an even step, where
 // the next odd step would find it if the wall were not looked for beyond the link; it is put there before the
 // nodes are stepped, and what leaves them then is taken back from there.

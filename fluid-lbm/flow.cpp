@@ -270,7 +270,8 @@ void Flow::drop_solid_nodes() {
   if (obstacles_) link_obstacles();
 }
 
-// Links of solid nodes that nothing looks at before the step.
+// Links of solid nodes that nothing looks at before the step. Blocks name places with 31 bits: where one
+// population has more of them, 16 GiB, links are reflected before a step along rows.
 bool Flow::reflects_within_step() const {
   return !halo_ && !solid_node_links_.empty() &&
          populations_.plane() < std::numeric_limits<std::int32_t>::max() && !obstacles_ && !wet_ &&

@@ -39,8 +39,7 @@ std::ptrdiff_t stored_rows(const Grid& grid) {
 // The planes start a ninth (a twenty-first) of a page apart modulo the page, so that values of one node in
 // different planes do not compete for the same cache sets.
 std::ptrdiff_t plane_size(const Grid& grid) {
-  return round_up(stored_rows(grid) * row_pitch(grid.nx) + 2 * cache_line, page) +
-         (grid.nz > 0 ? 3 : 7) * cache_line;
+  return round_up(stored_rows(grid) * row_pitch(grid.nx), page) + (grid.nz > 0 ? 3 : 7) * cache_line;
 }
 
 void* reserve(std::size_t bytes) {
@@ -134,7 +133,7 @@ Populations::Packing Populations::packing_of(const std::vector<std::uint8_t>& ne
       }
     }
   }
-  return {std::move(places), round_up(next + 2 * cache_line, page) + (space ? 3 : 7) * cache_line};
+  return {std::move(places), round_up(next, page) + (space ? 3 : 7) * cache_line};
 }
 
 void Populations::pack(const std::vector<std::uint8_t>& needed) {

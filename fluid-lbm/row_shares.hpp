@@ -1,4 +1,4 @@
-// Which rows of nodes a thread steps.
+// Which rows of nodes, or groups of blocks (blocks.hpp), a thread steps.
 #pragma once
 
 #include <omp.h>
@@ -10,7 +10,8 @@ struct RowShare {
   int end = 0;
 };
 
-/// Of the calling thread, in its parallel region: as `omp for schedule(static)` shares them out, but known.
+/// Of the calling thread, in its parallel region, of so many rows or groups: as `omp for schedule(static)`
+/// shares them out, but known.
 [[nodiscard]] inline RowShare row_share(int rows) {
   const int threads = omp_get_num_threads();
   const int thread = omp_get_thread_num();
