@@ -103,7 +103,7 @@ public:
                                          std::span<const double> history) const;
   /// How much the stretch stiffens at a particle of the rows, relative to rest.
   [[nodiscard]] double stiffening_at(std::size_t local) const;
-  /// Of the mid-line: (N x' + T n) / h across it.
+  /// Of the mid-line: (N t + T n) / h across it, t and n being the link's own frame.
   [[nodiscard]] Tensor<double> first_piola_kirchhoff_at(std::size_t local) const;
   /// Mean of the links at a particle: normal, transverse shear force and moment, and plastic strain.
   [[nodiscard]] std::array<double, 4> section_at(std::size_t local, std::span<const double> history) const;
