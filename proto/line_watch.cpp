@@ -22,6 +22,7 @@ constexpr microseconds wanted_by_another{25};
 constexpr microseconds late{100};
 // How often a wait on memory looks at descriptors.
 constexpr microseconds looks_at_descriptors{100};
+
 bool any_arrived(std::span<DirectLine* const> lines) {
   return std::any_of(lines.begin(), lines.end(), [](const DirectLine* line) { return line->has_arrived(); });
 }

@@ -186,21 +186,26 @@ TEST(CouplerState, FilesOutsideTheRunsFolderAreRefused) {
   }
 }
 
-TEST(RunRecord, GoesBackToAPlace) {
-  const TemporaryFolder folder;
-  CouplingScene scene;
-  scene.participants.resize(2);
-  const auto content = [&](const char* name) {
-    std::ifstream file(folder.path() / name);
+// Tables of a run of two participants.
+class RunTables : public testing::Test {
+protected:
+  RunTables() { scene_.participants.resize(2); }
+  [[nodiscard]] std::string content(const char* name) const {
+    std::ifstream file(folder_.path() / name);
     return std::string(std::istreambuf_iterator<char>(file), {});
-  };
+  }
+  TemporaryFolder folder_;
+  CouplingScene scene_;
+};
+
+TEST_F(RunTables, GoesBackToAPlace) {
   v1::WatchSample tip;
   tip.set_name("tip");
   tip.add_quantity("x");
   tip.add_value(1.0 / 3.0);
   RecordPosition position;
   {
-    RunRecord record(folder.path(), scene);
+    RunRecord record(folder_.path(), scene_);
     for (std::uint64_t window = 1; window <= 4; ++window) {
       if (window == 3) position = record.position();
       IterationRow row;
@@ -223,14 +228,14 @@ TEST(RunRecord, GoesBackToAPlace) {
       }
     }
   }
-  RunRecord record(folder.path(), scene, position);
+  RunRecord record(folder_.path(), scene_, position);
   ASSERT_EQ(record.windows().size(), 2U);
   EXPECT_EQ(record.windows()[1].verdict, "not converged");
   EXPECT_EQ(record.windows()[1].total_iterations, 2U);
   EXPECT_EQ(record.windows()[1].duration, 0.1);
   ASSERT_EQ(record.watches().size(), 1U);
   EXPECT_THAT(record.watches().at("tip").at("x").value, ElementsAreArray({1.0 / 3.0, 1.0 / 3.0}));
-  EXPECT_FALSE(std::filesystem::exists(folder.path() / "watch" / "late.csv"));
+  EXPECT_FALSE(std::filesystem::exists(folder_.path() / "watch" / "late.csv"));
   record.add(tip, 3, 1, 0.3);
   record.flush();
   const std::string text = content("watch/tip.csv");
@@ -240,17 +245,10 @@ TEST(RunRecord, GoesBackToAPlace) {
 }
 
 // Rows that are not on disk yet belong to what is thrown away.
-TEST(RunRecord, BeginsAnewWithoutWhatWasHeldBack) {
-  const TemporaryFolder folder;
-  CouplingScene scene;
-  scene.participants.resize(2);
-  const auto content = [&](const char* name) {
-    std::ifstream file(folder.path() / name);
-    return std::string(std::istreambuf_iterator<char>(file), {});
-  };
+TEST_F(RunTables, BeginsAnewWithoutWhatWasHeldBack) {
   std::string untouched[2];
   {
-    RunRecord record(folder.path(), scene);
+    RunRecord record(folder_.path(), scene_);
     record.flush();
     untouched[0] = content("iterations.csv");
     untouched[1] = content("convergence.csv");
