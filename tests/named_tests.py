@@ -4,7 +4,8 @@
     tests/named_tests.py BUILD
 
 Every table between `<!-- proven -->` and `<!-- end of proven -->` names in its last column, in backquotes, what proves the
-row: a test as `ctest -N` lists it, `bench NAME` (a program of tests/bench), or a path of the repository.
+row: a test as `ctest -N` lists it, a test of a GoogleTest program (`PROGRAM.Suite.Test`), `bench NAME` (a program of
+tests/bench), or a path of the repository.
 """
 import pathlib
 import re
@@ -14,9 +15,21 @@ import sys
 ROOT = pathlib.Path(__file__).resolve().parents[1]
 
 
+def tests_of_program(program):
+    suite = ""
+    for line in subprocess.run([program, "--gtest_list_tests"], capture_output=True, text=True, check=True).stdout.splitlines():
+        if line.startswith("  "):
+            yield f"{program.name}.{suite}{line.split('#')[0].strip()}"
+        elif line.split("#")[0].strip().endswith("."):
+            suite = line.split("#")[0].strip()
+
+
 def names_of_tests(build):
     listing = subprocess.run(["ctest", "--test-dir", build, "-N"], capture_output=True, text=True, check=True).stdout
-    return {line.split(":", 1)[1].split("#")[0].strip() for line in listing.splitlines() if re.match(r"\s*Test\s+#\d+:", line)}
+    names = {line.split(":", 1)[1].split("#")[0].strip() for line in listing.splitlines() if re.match(r"\s*Test\s+#\d+:", line)}
+    for name in {name.rsplit(".", 1)[0] for name in names if re.fullmatch(r"[^.]+\.\d+", name)}:
+        names.update(tests_of_program(pathlib.Path(build) / "bin" / name))
+    return names
 
 
 def names_of_benches():

@@ -101,8 +101,8 @@ TEST_F(TubeRun, ASolverAgainstItsRecordedPartnerGivesTheSameBits) {
   ASSERT_EQ(run("recorded", "", "", "", "[output]\nrecord = true\n").status, 0);
   const std::string watch = file_text(folder_ / "recorded" / "watch" / "flow.csv");
   const auto replay = [&](const std::string& role) {
-    return role + ".solver=\"" + estuary::test::participant_program(REPLAY) + " " +
-           (folder_ / "recorded/record" / (role + ".record")).string() + "\"";
+    return role + ".solver=\"" + REPLAY + " " + (folder_ / "recorded/record" / (role + ".record")).string() +
+           "\"";
   };
   for (const std::string role : {"fluid", "solid"}) {
     const Finished finished = run("replayed-" + role, "", "", "", "", {replay(role)});
