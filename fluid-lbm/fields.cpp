@@ -3,6 +3,8 @@
 #include <algorithm>
 #include <cmath>
 
+#include "on_team.hpp"
+
 namespace estuary::fluid {
 namespace {
 
@@ -18,16 +20,18 @@ Sums over_rows(const Cells& cells, Ranks* ranks, const OfNode& of_node, const Co
   const Grid& grid = cells.grid();
   const int first = grid.first_row();
   std::vector<Sums> rows(static_cast<std::size_t>(grid.past_row() - first));
-#pragma omp parallel for schedule(static) if (parallel_pays(grid))
-  for (int row = first; row < grid.past_row(); ++row) {
-    const int y = row % grid.ny;
-    const int z = row / grid.ny;
-    Sums sums;
-    for (const Span span : cells.row(row)) {
-      for (int x = span.begin; x < span.end; ++x) of_node(x, y, z, grid.index(x, y, z), sums);
+  on_team(parallel_pays(grid), [&] {
+#pragma omp for schedule(static) nowait
+    for (int row = first; row < grid.past_row(); ++row) {
+      const int y = row % grid.ny;
+      const int z = row / grid.ny;
+      Sums sums;
+      for (const Span span : cells.row(row)) {
+        for (int x = span.begin; x < span.end; ++x) of_node(x, y, z, grid.index(x, y, z), sums);
+      }
+      rows[static_cast<std::size_t>(row - first)] = sums;
     }
-    rows[static_cast<std::size_t>(row - first)] = sums;
-  }
+  });
   Sums total;
   in_turn(ranks, total, [&](Sums& so_far) {
     for (const Sums& row : rows) combine(so_far, row);
@@ -82,19 +86,21 @@ void compute_fields(const Populations& populations, const Cells& cells, Equilibr
   fields.velocity_x.resize(grid.size());
   fields.velocity_y.resize(grid.size());
   fields.velocity_z.resize(space ? grid.size() : 0);
-#pragma omp parallel for schedule(static) if (parallel_pays(grid))
-  for (int row = grid.first_row(); row < grid.past_row(); ++row) {
-    for (auto* field : {&fields.excess, &fields.velocity_x, &fields.velocity_y, &fields.velocity_z}) {
-      if (field->empty()) continue;
-      std::fill_n(field->data() + static_cast<std::size_t>(row) * static_cast<std::size_t>(grid.nx), grid.nx,
-                  0.0);
+  on_team(parallel_pays(grid), [&] {
+#pragma omp for schedule(static) nowait
+    for (int row = grid.first_row(); row < grid.past_row(); ++row) {
+      for (auto* field : {&fields.excess, &fields.velocity_x, &fields.velocity_y, &fields.velocity_z}) {
+        if (field->empty()) continue;
+        std::fill_n(field->data() + static_cast<std::size_t>(row) * static_cast<std::size_t>(grid.nx),
+                    grid.nx, 0.0);
+      }
+      if (space) {
+        fill_row<D3Q19>(populations, cells, row, model, fields, shift);
+      } else {
+        fill_row<D2Q9>(populations, cells, row, model, fields, shift);
+      }
     }
-    if (space) {
-      fill_row<D3Q19>(populations, cells, row, model, fields, shift);
-    } else {
-      fill_row<D2Q9>(populations, cells, row, model, fields, shift);
-    }
-  }
+  });
 }
 
 void set_equilibrium(Populations& p, const Fields& fields, EquilibriumModel model) {

@@ -6,6 +6,7 @@
 #include <limits>
 #include <stdexcept>
 
+#include "on_team.hpp"
 #include "refill.hpp"
 
 namespace estuary::fluid {
@@ -384,23 +385,24 @@ void Flow::run(std::size_t steps) {
   const bool in_blocks = within_step || populations_.packed();
   if (in_blocks) blocks_.follow(cells_, populations_, within_step ? &solid_node_links_ : nullptr);
   const FluidNodes nodes{cells_.rows(), in_blocks ? &blocks_ : nullptr};
-#pragma omp parallel num_threads(threads())
-  for (std::size_t n = 0; n < steps; ++n) {
-    const Parity parity = n % 2 == 0 ? start : other;
-    if (halo_ && n > 0) {
+  on_team_of(threads(), [&] {
+    for (std::size_t n = 0; n < steps; ++n) {
+      const Parity parity = n % 2 == 0 ? start : other;
+      if (halo_ && n > 0) {
 #pragma omp master
-      halo_->stepped(parity);
-    }
-    if (n > 0 || !rules_applied_) apply_rules(parity, n == 0 && sides_complete_, within_step && n > 0);
-    if (measure_bodies_ && !bodies_.empty()) bodies_.add_loads(populations_, parity);
-    if (saturated_.empty()) {
+        halo_->stepped(parity);
+      }
+      if (n > 0 || !rules_applied_) apply_rules(parity, n == 0 && sides_complete_, within_step && n > 0);
+      if (measure_bodies_ && !bodies_.empty()) bodies_.add_loads(populations_, parity);
+      if (saturated_.empty()) {
+        step_(populations_, parity, nodes, parameters_);
+        continue;
+      }
+      saturated_.keep(populations_, parity);
       step_(populations_, parity, nodes, parameters_);
-      continue;
+      saturated_.replace(populations_, parity, parameters_, settings_.equilibrium);
     }
-    saturated_.keep(populations_, parity);
-    step_(populations_, parity, nodes, parameters_);
-    saturated_.replace(populations_, parity, parameters_, settings_.equilibrium);
-  }
+  });
   populations_.set_parity(steps % 2 == 0 ? start : other);
   if (halo_ && steps > 0) halo_->stepped(populations_.parity());
   if (steps > 0) rules_applied_ = sides_complete_ = false;
@@ -415,8 +417,7 @@ void Flow::compute_fields(Fields& fields) {
 
 void Flow::apply_boundaries() {
   if (rules_applied_) return;
-#pragma omp parallel num_threads(threads())
-  apply_rules(populations_.parity(), sides_complete_);
+  on_team_of(threads(), [&] { apply_rules(populations_.parity(), sides_complete_); });
   rules_applied_ = sides_complete_ = true;
 }
 

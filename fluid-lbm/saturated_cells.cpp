@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 
+#include "on_team.hpp"
 #include "solid_fraction.hpp"
 
 namespace estuary::fluid {
@@ -60,32 +61,34 @@ void SaturatedCells::find_covers(const Cells& cells) {
   const auto dimension = static_cast<std::size_t>(grains_.dimension);
   const auto count = static_cast<std::ptrdiff_t>(grains_.count());
   of_grain_.resize(grains_.count());
-#pragma omp parallel for schedule(static) if (count > 64)
-  for (std::ptrdiff_t g = 0; g < count; ++g) {
-    const auto grain = static_cast<std::size_t>(g);
-    auto& covers = of_grain_[grain];
-    covers.clear();
-    const double radius = grains_.radius[grain];
-    const double* centre = &grains_.centre[dimension * grain];
-    const double cz = dimension == 3 ? centre[2] : 0.0;
-    const Range xs = reach(centre[0], radius, grid_.nx, grid_.periodic_x);
-    const Range ys = reach(centre[1], radius, grid_.ny, grid_.periodic_y);
-    const Range zs = dimension == 3 ? reach(cz, radius, grid_.nz, grid_.periodic_z) : Range{0, 1};
-    for (int z = zs.begin; z < zs.end; ++z) {
-      const int k = dimension == 3 ? image_inside(z, grid_.nz, grid_.periodic_z) : 0;
-      for (int y = ys.begin; y < ys.end; ++y) {
-        const int j = image_inside(y, grid_.ny, grid_.periodic_y);
-        for (int x = xs.begin; x < xs.end; ++x) {
-          const int i = image_inside(x, grid_.nx, grid_.periodic_x);
-          if (!cells.fluid(i, j, k)) continue;
-          const std::array<double, 3> arm{x - centre[0], y - centre[1], dimension == 3 ? z - cz : 0.0};
-          const double fraction = dimension == 3 ? sphere_fraction(arm[0], arm[1], arm[2], radius)
-                                                 : disc_fraction(arm[0], arm[1], radius);
-          if (fraction > 0) covers.push_back({static_cast<std::int32_t>(g), {i, j, k}, fraction, arm});
+  on_team(count > 64, [&] {
+#pragma omp for schedule(static) nowait
+    for (std::ptrdiff_t g = 0; g < count; ++g) {
+      const auto grain = static_cast<std::size_t>(g);
+      auto& covers = of_grain_[grain];
+      covers.clear();
+      const double radius = grains_.radius[grain];
+      const double* centre = &grains_.centre[dimension * grain];
+      const double cz = dimension == 3 ? centre[2] : 0.0;
+      const Range xs = reach(centre[0], radius, grid_.nx, grid_.periodic_x);
+      const Range ys = reach(centre[1], radius, grid_.ny, grid_.periodic_y);
+      const Range zs = dimension == 3 ? reach(cz, radius, grid_.nz, grid_.periodic_z) : Range{0, 1};
+      for (int z = zs.begin; z < zs.end; ++z) {
+        const int k = dimension == 3 ? image_inside(z, grid_.nz, grid_.periodic_z) : 0;
+        for (int y = ys.begin; y < ys.end; ++y) {
+          const int j = image_inside(y, grid_.ny, grid_.periodic_y);
+          for (int x = xs.begin; x < xs.end; ++x) {
+            const int i = image_inside(x, grid_.nx, grid_.periodic_x);
+            if (!cells.fluid(i, j, k)) continue;
+            const std::array<double, 3> arm{x - centre[0], y - centre[1], dimension == 3 ? z - cz : 0.0};
+            const double fraction = dimension == 3 ? sphere_fraction(arm[0], arm[1], arm[2], radius)
+                                                   : disc_fraction(arm[0], arm[1], radius);
+            if (fraction > 0) covers.push_back({static_cast<std::int32_t>(g), {i, j, k}, fraction, arm});
+          }
         }
       }
     }
-  }
+  });
   covers_.clear();
   first_of_grain_.assign(1, 0);
   for (const auto& covers : of_grain_) {

@@ -4,6 +4,8 @@
 #include <cmath>
 #include <numbers>
 
+#include "on_team.hpp"
+
 namespace estuary::grains {
 namespace {
 
@@ -102,95 +104,101 @@ double add_bond_forces(const BondLaw& law, const Domain<D>& domain, double dt, B
   constexpr std::size_t spin = spin_components<D>;
   const std::size_t n = bonds.size();
   std::vector<double> damped(n, 0.0), released(n, 0.0);
-#pragma omp parallel for schedule(static) if (n > 4096)
-  for (std::size_t b = 0; b < n; ++b) {
-    Vector<D> force{};
-    Spin<D> moment_i{}, moment_j{};
-    if (!bonds.broken[b]) {
-      const std::size_t i = bonds.first[b], j = bonds.second[b];
-      const Vector<D> apart = branch(domain, state, i, j);
-      const double distance = norm(apart);
-      const Vector<D> normal = (1 / distance) * apart;
-      const Spin<D> wi = load<spin>(state.spin.data(), i), wj = load<spin>(state.spin.data(), j);
-      const double half = 0.5 * distance;
-      const Vector<D> velocity = load<D>(state.velocity.data(), j) - load<D>(state.velocity.data(), i) -
-                                 spin_times_arm(half * (wi + wj), normal);
-      const double opening = dot(velocity, normal);
-      const Vector<D> sliding = velocity - opening * normal;
-      const Spin<D> turning = wj - wi;
-      Vector<D> shear = load<D>(bonds.shear.data(), b);
-      if constexpr (D == 2) {
-        // Kept as a number along the tangent, which turns with the bond; the first component holds it.
-        const Vector<2> tangent{-normal[1], normal[0]};
-        const double along = shear[0] + dt * dot(sliding, tangent);
-        store<2>(bonds.shear.data(), b, Vector<2>{along, 0});
-        shear = along * tangent;
-      } else {
-        const double size = norm(shear);
-        shear = shear - dot(shear, normal) * normal;
-        const double projected = norm(shear);
-        if (projected > 0) shear = (size / projected) * shear;
-        shear = shear + dt * sliding;
-        store<3>(bonds.shear.data(), b, shear);
+  on_team(n > 4096, [&] {
+#pragma omp for schedule(static) nowait
+    for (std::size_t b = 0; b < n; ++b) {
+      Vector<D> force{};
+      Spin<D> moment_i{}, moment_j{};
+      if (!bonds.broken[b]) {
+        const std::size_t i = bonds.first[b], j = bonds.second[b];
+        const Vector<D> apart = branch(domain, state, i, j);
+        const double distance = norm(apart);
+        const Vector<D> normal = (1 / distance) * apart;
+        const Spin<D> wi = load<spin>(state.spin.data(), i), wj = load<spin>(state.spin.data(), j);
+        const double half = 0.5 * distance;
+        const Vector<D> velocity = load<D>(state.velocity.data(), j) - load<D>(state.velocity.data(), i) -
+                                   spin_times_arm(half * (wi + wj), normal);
+        const double opening = dot(velocity, normal);
+        const Vector<D> sliding = velocity - opening * normal;
+        const Spin<D> turning = wj - wi;
+        Vector<D> shear = load<D>(bonds.shear.data(), b);
+        if constexpr (D == 2) {
+          // Kept as a number along the tangent, which turns with the bond; the first component holds it.
+          const Vector<2> tangent{-normal[1], normal[0]};
+          const double along = shear[0] + dt * dot(sliding, tangent);
+          store<2>(bonds.shear.data(), b, Vector<2>{along, 0});
+          shear = along * tangent;
+        } else {
+          const double size = norm(shear);
+          shear = shear - dot(shear, normal) * normal;
+          const double projected = norm(shear);
+          if (projected > 0) shear = (size / projected) * shear;
+          shear = shear + dt * sliding;
+          store<3>(bonds.shear.data(), b, shear);
+        }
+        const Spin<D> turn = load<spin>(bonds.turn.data(), b) + dt * turning;
+        store<spin>(bonds.turn.data(), b, turn);
+        const Section<D> s = section<D>(law, state, i, j);
+        const double stretch = distance - bonds.length[b];
+        // Reduced mass of the pair; a held grain counts as infinitely heavy.
+        const double mass = 1 / (state.inverse_mass[i] + state.inverse_mass[j]);
+        const double normal_damping = 2 * law.damping * std::sqrt(law.normal_stiffness * s.area * mass);
+        const double shear_damping = 2 * law.damping * std::sqrt(law.shear_stiffness * s.area * mass);
+        const double pull = law.normal_stiffness * s.area * stretch;
+        const Vector<D> elastic_shear = law.shear_stiffness * s.area * shear;
+        Spin<D> bending{};
+        double bending_size = 0, twist_size = 0;
+        Vector<D> axis = normal;
+        if constexpr (D == 2) {
+          bending = law.normal_stiffness * s.inertia * turn;
+          bending_size = norm(bending);
+        } else {
+          const double twist = dot(turn, normal);
+          const Spin<D> bent = turn - twist * normal;
+          twist_size = law.shear_stiffness * s.polar * std::abs(twist);
+          bending_size = law.normal_stiffness * s.inertia * norm(bent);
+          bending = law.normal_stiffness * s.inertia * bent + law.shear_stiffness * s.polar * twist * axis;
+        }
+        const double tension = pull / s.area + bending_size * s.radius / s.inertia;
+        const double shearing =
+            norm(elastic_shear) / s.area + (D == 3 ? twist_size * s.radius / s.polar : 0.0);
+        if (tension > law.tensile_strength || shearing > law.shear_strength) {
+          bonds.broken[b] = 1;
+          released[b] = energy_of<D>(law, s, stretch, shear, turn, normal);
+        } else {
+          force = (pull + normal_damping * opening) * normal + elastic_shear + shear_damping * sliding;
+          damped[b] = dt * (normal_damping * opening * opening + shear_damping * dot(sliding, sliding));
+          const double spinning = 1 / (state.inverse_inertia[i] + state.inverse_inertia[j]);
+          const double turn_damping =
+              2 * law.damping * std::sqrt(law.normal_stiffness * s.inertia * spinning);
+          bending = bending + turn_damping * turning;
+          damped[b] += dt * turn_damping * dot(turning, turning);
+          const Spin<D> of_force = arm_times_force(half * normal, force);
+          moment_i = of_force + bending;
+          moment_j = of_force - bending;
+        }
       }
-      const Spin<D> turn = load<spin>(bonds.turn.data(), b) + dt * turning;
-      store<spin>(bonds.turn.data(), b, turn);
-      const Section<D> s = section<D>(law, state, i, j);
-      const double stretch = distance - bonds.length[b];
-      // Reduced mass of the pair; a held grain counts as infinitely heavy.
-      const double mass = 1 / (state.inverse_mass[i] + state.inverse_mass[j]);
-      const double normal_damping = 2 * law.damping * std::sqrt(law.normal_stiffness * s.area * mass);
-      const double shear_damping = 2 * law.damping * std::sqrt(law.shear_stiffness * s.area * mass);
-      const double pull = law.normal_stiffness * s.area * stretch;
-      const Vector<D> elastic_shear = law.shear_stiffness * s.area * shear;
-      Spin<D> bending{};
-      double bending_size = 0, twist_size = 0;
-      Vector<D> axis = normal;
-      if constexpr (D == 2) {
-        bending = law.normal_stiffness * s.inertia * turn;
-        bending_size = norm(bending);
-      } else {
-        const double twist = dot(turn, normal);
-        const Spin<D> bent = turn - twist * normal;
-        twist_size = law.shear_stiffness * s.polar * std::abs(twist);
-        bending_size = law.normal_stiffness * s.inertia * norm(bent);
-        bending = law.normal_stiffness * s.inertia * bent + law.shear_stiffness * s.polar * twist * axis;
-      }
-      const double tension = pull / s.area + bending_size * s.radius / s.inertia;
-      const double shearing = norm(elastic_shear) / s.area + (D == 3 ? twist_size * s.radius / s.polar : 0.0);
-      if (tension > law.tensile_strength || shearing > law.shear_strength) {
-        bonds.broken[b] = 1;
-        released[b] = energy_of<D>(law, s, stretch, shear, turn, normal);
-      } else {
-        force = (pull + normal_damping * opening) * normal + elastic_shear + shear_damping * sliding;
-        damped[b] = dt * (normal_damping * opening * opening + shear_damping * dot(sliding, sliding));
-        const double spinning = 1 / (state.inverse_inertia[i] + state.inverse_inertia[j]);
-        const double turn_damping = 2 * law.damping * std::sqrt(law.normal_stiffness * s.inertia * spinning);
-        bending = bending + turn_damping * turning;
-        damped[b] += dt * turn_damping * dot(turning, turning);
-        const Spin<D> of_force = arm_times_force(half * normal, force);
-        moment_i = of_force + bending;
-        moment_j = of_force - bending;
-      }
+      store<D>(bonds.force.data(), b, force);
+      store<spin>(bonds.moment_first.data(), b, moment_i);
+      store<spin>(bonds.moment_second.data(), b, moment_j);
     }
-    store<D>(bonds.force.data(), b, force);
-    store<spin>(bonds.moment_first.data(), b, moment_i);
-    store<spin>(bonds.moment_second.data(), b, moment_j);
-  }
+  });
   double total = 0;
   for (std::size_t b = 0; b < n; ++b) {
     total += damped[b];
     lost += released[b];
   }
-#pragma omp parallel for schedule(static) if (n > 4096)
-  for (std::size_t i = 0; i < state.size(); ++i)
-    for (std::size_t k = bonds.grain_start[i]; k < bonds.grain_start[i + 1]; ++k) {
-      const std::size_t b = bonds.grain_bond[k];
-      const bool first = bonds.first[b] == i;
-      add(state.force.data(), i, (first ? 1.0 : -1.0) * load<D>(bonds.force.data(), b));
-      add(state.torque.data(), i,
-          load<spin>(first ? bonds.moment_first.data() : bonds.moment_second.data(), b));
-    }
+  on_team(n > 4096, [&] {
+#pragma omp for schedule(static) nowait
+    for (std::size_t i = 0; i < state.size(); ++i)
+      for (std::size_t k = bonds.grain_start[i]; k < bonds.grain_start[i + 1]; ++k) {
+        const std::size_t b = bonds.grain_bond[k];
+        const bool first = bonds.first[b] == i;
+        add(state.force.data(), i, (first ? 1.0 : -1.0) * load<D>(bonds.force.data(), b));
+        add(state.torque.data(), i,
+            load<spin>(first ? bonds.moment_first.data() : bonds.moment_second.data(), b));
+      }
+  });
   return total;
 }
 

@@ -5,6 +5,7 @@
 #include <limits>
 
 #include "block_motion.hpp"
+#include "on_team.hpp"
 
 namespace estuary::grains {
 namespace {
@@ -239,23 +240,25 @@ void Dynamics<D>::evaluate(double dt) {
   const std::size_t n = state_.size(), blocks = block_count(n);
   constexpr std::size_t s = spin_components<D>;
   // Stretches and angles move on with the step; energies are summed in the order of the blocks.
-#pragma omp parallel for schedule(static) if (blocks >= kParallelBlocks)
-  for (std::size_t b = 0; b < blocks; ++b) {
-    const std::size_t begin = block_begin(b), end = block_end(b, n);
-    std::copy(state_.external_force.begin() + static_cast<std::ptrdiff_t>(D * begin),
-              state_.external_force.begin() + static_cast<std::ptrdiff_t>(D * end),
-              state_.force.begin() + static_cast<std::ptrdiff_t>(D * begin));
-    std::copy(state_.external_torque.begin() + static_cast<std::ptrdiff_t>(s * begin),
-              state_.external_torque.begin() + static_cast<std::ptrdiff_t>(s * end),
-              state_.torque.begin() + static_cast<std::ptrdiff_t>(s * begin));
-    block_ledger_[b] = {};
-    law_.sweep_pairs(input_, b, state_, cross_, block_ledger_[b]);
-    if (settings_.lubrication.active())
-      sweep_lubrication(settings_.lubrication, input_, b, state_, cross_, block_ledger_[b]);
-    if (first_wall_contact_[b] != first_wall_contact_[b + 1])
-      sweep_walls(law_, dt, input_.lag, walls_, b, first_wall_contact_, state_, wall_force_,
-                  block_ledger_[b]);
-  }
+  on_team(blocks >= kParallelBlocks, [&] {
+#pragma omp for schedule(static) nowait
+    for (std::size_t b = 0; b < blocks; ++b) {
+      const std::size_t begin = block_begin(b), end = block_end(b, n);
+      std::copy(state_.external_force.begin() + static_cast<std::ptrdiff_t>(D * begin),
+                state_.external_force.begin() + static_cast<std::ptrdiff_t>(D * end),
+                state_.force.begin() + static_cast<std::ptrdiff_t>(D * begin));
+      std::copy(state_.external_torque.begin() + static_cast<std::ptrdiff_t>(s * begin),
+                state_.external_torque.begin() + static_cast<std::ptrdiff_t>(s * end),
+                state_.torque.begin() + static_cast<std::ptrdiff_t>(s * begin));
+      block_ledger_[b] = {};
+      law_.sweep_pairs(input_, b, state_, cross_, block_ledger_[b]);
+      if (settings_.lubrication.active())
+        sweep_lubrication(settings_.lubrication, input_, b, state_, cross_, block_ledger_[b]);
+      if (first_wall_contact_[b] != first_wall_contact_[b + 1])
+        sweep_walls(law_, dt, input_.lag, walls_, b, first_wall_contact_, state_, wall_force_,
+                    block_ledger_[b]);
+    }
+  });
   for (std::size_t b = 0; b < blocks; ++b) state_.ledger += block_ledger_[b];
   if (bonds_.size() > 0)
     state_.ledger.normal +=
@@ -265,27 +268,29 @@ void Dynamics<D>::evaluate(double dt) {
 template <int D>
 double Dynamics<D>::update(double kick, double drift, bool gather_first, double dt) {
   const std::size_t n = state_.size(), blocks = block_count(n);
-#pragma omp parallel for schedule(static) if (blocks >= kParallelBlocks)
-  for (std::size_t b = 0; b < blocks; ++b) {
-    if (gather_first) gather(b);
-    const std::size_t begin = block_begin(b), end = block_end(b, n);
-    const BlockMotion motion = move_block(kick, drift, begin, end, state_);
-    block_displacement_[b] = motion.displacement_squared;
-    double work = motion.work;
-    constexpr std::size_t s = spin_components<D>;
-    if (external_torque_)
-      for (std::size_t k = s * begin; k < s * end; ++k) work += state_.external_torque[k] * state_.spin[k];
-    block_work_[b] = work * drift;
-    block_ledger_[b] = {};
-    // A grain that moves as prescribed gives what the others do on it.
-    double given = 0;
-    for (std::size_t i = begin; i < end; ++i) {
-      if (state_.inverse_mass[i] != 0) continue;
-      for (std::size_t c = 0; c < D; ++c) given -= state_.force[D * i + c] * state_.velocity[D * i + c];
-      for (std::size_t c = 0; c < s; ++c) given -= state_.torque[s * i + c] * state_.spin[s * i + c];
+  on_team(blocks >= kParallelBlocks, [&] {
+#pragma omp for schedule(static) nowait
+    for (std::size_t b = 0; b < blocks; ++b) {
+      if (gather_first) gather(b);
+      const std::size_t begin = block_begin(b), end = block_end(b, n);
+      const BlockMotion motion = move_block(kick, drift, begin, end, state_);
+      block_displacement_[b] = motion.displacement_squared;
+      double work = motion.work;
+      constexpr std::size_t s = spin_components<D>;
+      if (external_torque_)
+        for (std::size_t k = s * begin; k < s * end; ++k) work += state_.external_torque[k] * state_.spin[k];
+      block_work_[b] = work * drift;
+      block_ledger_[b] = {};
+      // A grain that moves as prescribed gives what the others do on it.
+      double given = 0;
+      for (std::size_t i = begin; i < end; ++i) {
+        if (state_.inverse_mass[i] != 0) continue;
+        for (std::size_t c = 0; c < D; ++c) given -= state_.force[D * i + c] * state_.velocity[D * i + c];
+        for (std::size_t c = 0; c < s; ++c) given -= state_.torque[s * i + c] * state_.spin[s * i + c];
+      }
+      block_ledger_[b].given = given * dt;
     }
-    block_ledger_[b].given = given * dt;
-  }
+  });
   double worst = 0;
   for (std::size_t b = 0; b < blocks; ++b) {
     if (!std::isnan(worst) && !(block_displacement_[b] <= worst)) worst = block_displacement_[b];

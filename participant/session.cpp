@@ -17,12 +17,6 @@ struct OutOfOrder : std::logic_error {
   using std::logic_error::logic_error;
 };
 
-std::uint64_t peak_memory_bytes() {
-  rusage usage{};
-  getrusage(RUSAGE_SELF, &usage);
-  return static_cast<std::uint64_t>(usage.ru_maxrss) * 1024;
-}
-
 v1::Error error_of(v1::Error::Kind kind, std::string field, std::string message, std::string advice = {}) {
   v1::Error error;
   error.set_kind(kind);
@@ -33,6 +27,18 @@ v1::Error error_of(v1::Error::Kind kind, std::string field, std::string message,
 }
 
 }  // namespace
+
+std::uint64_t PeakMemory::bytes() {
+  constexpr std::chrono::milliseconds interval{100};
+  const auto now = std::chrono::steady_clock::now();
+  if (bytes_ == 0 || now - asked_ > interval) {
+    rusage usage{};
+    getrusage(RUSAGE_SELF, &usage);
+    bytes_ = static_cast<std::uint64_t>(usage.ru_maxrss) * 1024;
+    asked_ = now;
+  }
+  return bytes_;
+}
 
 v1::Configured configure(Participant& participant, const v1::Configure& request,
                          const std::optional<std::filesystem::path>& files_below) {
@@ -231,7 +237,7 @@ void Session::advance(const v1::Request& request, v1::Reply& reply) {
   work.set_steps(result.work.steps);
   work.set_updates(result.work.updates);
   work.set_bytes_per_update(result.work.bytes_per_update);
-  work.set_peak_rss_bytes(peak_memory_bytes());
+  work.set_peak_rss_bytes(peak_memory_.bytes());
   for (const auto& [phase, seconds] : result.work.phase_seconds) {
     auto* entry = work.add_phases();
     entry->set_phase(phase);

@@ -2,6 +2,8 @@
 // Knows no socket and no thread.
 #pragma once
 
+#include <chrono>
+#include <cstdint>
 #include <filesystem>
 #include <memory>
 #include <optional>
@@ -11,6 +13,17 @@
 #include "participant.hpp"
 
 namespace estuary {
+
+/// The most memory this process has held. Asked of the system at most every tenth of a second: a window may
+/// last no longer than the question.
+class PeakMemory {
+public:
+  [[nodiscard]] std::uint64_t bytes();
+
+private:
+  std::chrono::steady_clock::time_point asked_;
+  std::uint64_t bytes_ = 0;
+};
 
 class Session {
 public:
@@ -41,6 +54,7 @@ private:
   bool advanced_ = false;  // since the last accept
   bool stopped_ = false;
   double compute_seconds_ = 0;
+  PeakMemory peak_memory_;
 };
 
 /// The answer to Configure, also used by --check. Files that the scene names lie below `files_below`, where

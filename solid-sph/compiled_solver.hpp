@@ -7,6 +7,7 @@
 
 #include "guide.hpp"
 #include "hourglass_viscosity.hpp"
+#include "on_team.hpp"
 #include "rigid_motion.hpp"
 #include "rupture.hpp"
 #include "solver.hpp"
@@ -256,14 +257,16 @@ private:
     const std::size_t n = body_.size();
     if (rupture_->needs_energy()) {
       stored_.resize(n);
-#pragma omp parallel for schedule(static) if (n > kSerialBelow)
-      for (std::size_t i = 0; i < n; ++i) {
-        const Tensor<double> f = tensor_at(fields_.deformation_gradient, i);
-        if constexpr (kHistory)
-          stored_[i] = laws_[body_.member[i]].energy_density(f, &history_[size * i]);
-        else
-          stored_[i] = laws_[body_.member[i]].energy_density(f);
-      }
+      on_team(n > kSerialBelow, [&] {
+#pragma omp for schedule(static) nowait
+        for (std::size_t i = 0; i < n; ++i) {
+          const Tensor<double> f = tensor_at(fields_.deformation_gradient, i);
+          if constexpr (kHistory)
+            stored_[i] = laws_[body_.member[i]].energy_density(f, &history_[size * i]);
+          else
+            stored_[i] = laws_[body_.member[i]].energy_density(f);
+        }
+      });
     }
     const std::span<double> own = std::span<double>(history_).subspan(size * n);
     if (!rupture_->find_overloaded(displacement, {.stored = stored_, .law = history_, .law_size = size}, own))
@@ -297,25 +300,27 @@ private:
     const double* force = fields_.force.data();
     const double half = 0.5 * kick.dt;
     const std::size_t n = body_.size();
-#pragma omp parallel for schedule(static) if (n > kSerialBelow)
-    for (std::size_t i = 0; i < n; ++i) {
-      if ((body_.fixed[i] & 3U) == 3) continue;
-      const double inverse_mass = 1 / body_.mass[i];
-      for (std::size_t c = 0; c < 2; ++c) {
-        if (kick.held[c] || body_.holds(i, c)) continue;
-        const double a = force[2 * i + c] * inverse_mass + kick.gravity[c];
-        double velocity = v[2 * i + c];
-        if constexpr (Ends) velocity = kick.gain * (velocity + half * a);
-        if constexpr (Begins) {
-          velocity = kick.decay * velocity + half * a;
-          u[2 * i + c] += kick.dt * velocity;
-          // The viscous force wants the velocity at the step's end; half a step's extrapolation keeps second
-          // order.
-          if constexpr (Viscous) predicted_velocity_[2 * i + c] = velocity + half * a;
+    on_team(n > kSerialBelow, [&] {
+#pragma omp for schedule(static) nowait
+      for (std::size_t i = 0; i < n; ++i) {
+        if ((body_.fixed[i] & 3U) == 3) continue;
+        const double inverse_mass = 1 / body_.mass[i];
+        for (std::size_t c = 0; c < 2; ++c) {
+          if (kick.held[c] || body_.holds(i, c)) continue;
+          const double a = force[2 * i + c] * inverse_mass + kick.gravity[c];
+          double velocity = v[2 * i + c];
+          if constexpr (Ends) velocity = kick.gain * (velocity + half * a);
+          if constexpr (Begins) {
+            velocity = kick.decay * velocity + half * a;
+            u[2 * i + c] += kick.dt * velocity;
+            // The viscous force wants the velocity at the step's end; half a step's extrapolation keeps
+            // second order.
+            if constexpr (Viscous) predicted_velocity_[2 * i + c] = velocity + half * a;
+          }
+          v[2 * i + c] = velocity;
         }
-        v[2 * i + c] = velocity;
       }
-    }
+    });
   }
 
   double gravity_work(const State& state, const Loading& loading) const {

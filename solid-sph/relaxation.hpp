@@ -9,6 +9,7 @@
 #include <limits>
 
 #include "compiled_solver.hpp"
+#include "on_team.hpp"
 
 namespace estuary::solid {
 
@@ -92,12 +93,14 @@ EquilibriumReport CompiledSolver<Law, Stabilised, Viscous>::relax(std::vector<do
     }
 
     const double decay = (2 - damping * dt) / (2 + damping * dt), gain = 2 * dt / (2 + damping * dt);
-#pragma omp parallel for schedule(static) if (n > kSerialBelow)
-    for (std::size_t c = 0; c < 2 * n; ++c) {
-      if (body_.holds(c / 2, c % 2)) continue;
-      velocity[c] = decay * velocity[c] + gain * (external[c] + force[c]) / body_.mass[c / 2];
-      displacement[c] += dt * velocity[c];
-    }
+    on_team(n > kSerialBelow, [&] {
+#pragma omp for schedule(static) nowait
+      for (std::size_t c = 0; c < 2 * n; ++c) {
+        if (body_.holds(c / 2, c % 2)) continue;
+        velocity[c] = decay * velocity[c] + gain * (external[c] + force[c]) / body_.mass[c / 2];
+        displacement[c] += dt * velocity[c];
+      }
+    });
   }
 }
 

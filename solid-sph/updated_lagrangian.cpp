@@ -4,6 +4,8 @@
 #include <cmath>
 #include <stdexcept>
 
+#include "on_team.hpp"
+
 namespace estuary::solid {
 
 UpdatedLagrangianSolver::UpdatedLagrangianSolver(const Body& body, const SolverOptions& options)
@@ -119,42 +121,45 @@ void UpdatedLagrangianSolver::strain(const State& state, double dt) {
   const std::size_t n = body_.size();
   const double h = body_.smoothing_length;
   std::vector<double>& history = history_;
-#pragma omp parallel for schedule(static) if (n > kSerialBelow)
-  for (std::size_t i = 0; i < n; ++i) {
-    Tensor<double> l, k;
-    for (std::size_t p = first_[i]; p < first_[i + 1]; ++p) {
-      const std::size_t j = neighbour_[p];
-      const double dx = position_[2 * j] - position_[2 * i], dy = position_[2 * j + 1] - position_[2 * i + 1];
-      const double r = std::hypot(dx, dy);
-      // Gradient of the kernel at i, weighted by the reference volume: the weights matter only relative to
-      // each other.
-      const double w = -kernel_slope(kernel_, r, h) / r * body_.volume[j];
-      const double vx = state.velocity[2 * j] - state.velocity[2 * i],
-                   vy = state.velocity[2 * j + 1] - state.velocity[2 * i + 1];
-      l.xx += w * vx * dx;
-      l.xy += w * vx * dy;
-      l.yx += w * vy * dx;
-      l.yy += w * vy * dy;
-      k.xx += w * dx * dx;
-      k.xy += w * dx * dy;
-      k.yy += w * dy * dy;
+  on_team(n > kSerialBelow, [&] {
+#pragma omp for schedule(static) nowait
+    for (std::size_t i = 0; i < n; ++i) {
+      Tensor<double> l, k;
+      for (std::size_t p = first_[i]; p < first_[i + 1]; ++p) {
+        const std::size_t j = neighbour_[p];
+        const double dx = position_[2 * j] - position_[2 * i],
+                     dy = position_[2 * j + 1] - position_[2 * i + 1];
+        const double r = std::hypot(dx, dy);
+        // Gradient of the kernel at i, weighted by the reference volume: the weights matter only relative to
+        // each other.
+        const double w = -kernel_slope(kernel_, r, h) / r * body_.volume[j];
+        const double vx = state.velocity[2 * j] - state.velocity[2 * i],
+                     vy = state.velocity[2 * j + 1] - state.velocity[2 * i + 1];
+        l.xx += w * vx * dx;
+        l.xy += w * vx * dy;
+        l.yx += w * vy * dx;
+        l.yy += w * vy * dy;
+        k.xx += w * dx * dx;
+        k.xy += w * dx * dy;
+        k.yy += w * dy * dy;
+      }
+      k.yx = k.xy;
+      const double det = determinant(k);
+      // A particle that has lost its neighbours strains no more: that is numerical fracture.
+      if (!(det > 1e-6 * k.xx * k.yy)) continue;
+      const Tensor<double> gradient = product(l, scaled(Tensor<double>{k.yy, -k.xy, -k.yx, k.xx}, 1 / det));
+      const double dxx = gradient.xx, dyy = gradient.yy, dxy = 0.5 * (gradient.xy + gradient.yx);
+      const double spin = 0.5 * (gradient.xy - gradient.yx);
+      double* s = &history[kHistorySize * i];
+      const ElasticConstants& c = materials_[body_.member[i]].constants;
+      const double trace = dxx + dyy, sxx = s[0], sxy = s[1], syy = s[2];
+      s[0] += dt * (c.lambda * trace + 2 * c.mu * dxx + 2 * spin * sxy);
+      s[1] += dt * (2 * c.mu * dxy + spin * (syy - sxx));
+      s[2] += dt * (c.lambda * trace + 2 * c.mu * dyy - 2 * spin * sxy);
+      s[3] += dt * c.lambda_across * trace;
+      s[4] *= std::exp(-dt * trace);
     }
-    k.yx = k.xy;
-    const double det = determinant(k);
-    // A particle that has lost its neighbours strains no more: that is numerical fracture.
-    if (!(det > 1e-6 * k.xx * k.yy)) continue;
-    const Tensor<double> gradient = product(l, scaled(Tensor<double>{k.yy, -k.xy, -k.yx, k.xx}, 1 / det));
-    const double dxx = gradient.xx, dyy = gradient.yy, dxy = 0.5 * (gradient.xy + gradient.yx);
-    const double spin = 0.5 * (gradient.xy - gradient.yx);
-    double* s = &history[kHistorySize * i];
-    const ElasticConstants& c = materials_[body_.member[i]].constants;
-    const double trace = dxx + dyy, sxx = s[0], sxy = s[1], syy = s[2];
-    s[0] += dt * (c.lambda * trace + 2 * c.mu * dxx + 2 * spin * sxy);
-    s[1] += dt * (2 * c.mu * dxy + spin * (syy - sxx));
-    s[2] += dt * (c.lambda * trace + 2 * c.mu * dyy - 2 * spin * sxy);
-    s[3] += dt * c.lambda_across * trace;
-    s[4] *= std::exp(-dt * trace);
-  }
+  });
 }
 
 void UpdatedLagrangianSolver::accelerate(const State& state) {
@@ -171,43 +176,46 @@ void UpdatedLagrangianSolver::accelerate(const State& state) {
     repulsion_[3 * i + 2] = 0.5 * (a + b) - 0.5 * (a - b) * cosine;
   }
   const double at_spacing = kernel_value(kernel_, body_.mean_spacing(), h);
-#pragma omp parallel for schedule(static) if (n > kSerialBelow)
-  for (std::size_t i = 0; i < n; ++i) {
-    double fx = 0, fy = 0;
-    const double* si = &history_[kHistorySize * i];
-    const double ii = 1 / (si[4] * si[4]);
-    const ArtificialViscosity& viscosity = materials_[body_.member[i]].viscosity;
-    for (std::size_t p = first_[i]; p < first_[i + 1]; ++p) {
-      const std::size_t j = neighbour_[p];
-      const double dx = position_[2 * j] - position_[2 * i], dy = position_[2 * j + 1] - position_[2 * i + 1];
-      const double r = std::hypot(dx, dy);
-      const double* sj = &history_[kHistorySize * j];
-      const double jj = 1 / (sj[4] * sj[4]);
-      // grad_i W points from i to j times minus the slope.
-      const double w = -kernel_slope(kernel_, r, h) / r * body_.mass[i] * body_.mass[j];
-      const double gx = w * dx, gy = w * dy;
-      const double approach = (state.velocity[2 * j] - state.velocity[2 * i]) * dx +
-                              (state.velocity[2 * j + 1] - state.velocity[2 * i + 1]) * dy;
-      double pi = 0;
-      if (approach < 0) {
-        const double phi = h * approach / (r * r + 0.01 * h * h);
-        pi = (-viscosity.linear * viscosity.sound_speed * phi + viscosity.quadratic * phi * phi) /
-             (0.5 * (si[4] + sj[4]));
+  on_team(n > kSerialBelow, [&] {
+#pragma omp for schedule(static) nowait
+    for (std::size_t i = 0; i < n; ++i) {
+      double fx = 0, fy = 0;
+      const double* si = &history_[kHistorySize * i];
+      const double ii = 1 / (si[4] * si[4]);
+      const ArtificialViscosity& viscosity = materials_[body_.member[i]].viscosity;
+      for (std::size_t p = first_[i]; p < first_[i + 1]; ++p) {
+        const std::size_t j = neighbour_[p];
+        const double dx = position_[2 * j] - position_[2 * i],
+                     dy = position_[2 * j + 1] - position_[2 * i + 1];
+        const double r = std::hypot(dx, dy);
+        const double* sj = &history_[kHistorySize * j];
+        const double jj = 1 / (sj[4] * sj[4]);
+        // grad_i W points from i to j times minus the slope.
+        const double w = -kernel_slope(kernel_, r, h) / r * body_.mass[i] * body_.mass[j];
+        const double gx = w * dx, gy = w * dy;
+        const double approach = (state.velocity[2 * j] - state.velocity[2 * i]) * dx +
+                                (state.velocity[2 * j + 1] - state.velocity[2 * i + 1]) * dy;
+        double pi = 0;
+        if (approach < 0) {
+          const double phi = h * approach / (r * r + 0.01 * h * h);
+          pi = (-viscosity.linear * viscosity.sound_speed * phi + viscosity.quadratic * phi * phi) /
+               (0.5 * (si[4] + sj[4]));
+        }
+        double txx = si[0] * ii + sj[0] * jj - pi, txy = si[1] * ii + sj[1] * jj,
+               tyy = si[2] * ii + sj[2] * jj - pi;
+        if (!repulsion_.empty()) {
+          const double nearness = std::pow(kernel_value(kernel_, r, h) / at_spacing, 4);
+          txx += nearness * (repulsion_[3 * i] + repulsion_[3 * j]);
+          txy += nearness * (repulsion_[3 * i + 1] + repulsion_[3 * j + 1]);
+          tyy += nearness * (repulsion_[3 * i + 2] + repulsion_[3 * j + 2]);
+        }
+        fx += txx * gx + txy * gy;
+        fy += txy * gx + tyy * gy;
       }
-      double txx = si[0] * ii + sj[0] * jj - pi, txy = si[1] * ii + sj[1] * jj,
-             tyy = si[2] * ii + sj[2] * jj - pi;
-      if (!repulsion_.empty()) {
-        const double nearness = std::pow(kernel_value(kernel_, r, h) / at_spacing, 4);
-        txx += nearness * (repulsion_[3 * i] + repulsion_[3 * j]);
-        txy += nearness * (repulsion_[3 * i + 1] + repulsion_[3 * j + 1]);
-        tyy += nearness * (repulsion_[3 * i + 2] + repulsion_[3 * j + 2]);
-      }
-      fx += txx * gx + txy * gy;
-      fy += txy * gx + tyy * gy;
+      fields_.force[2 * i] = fx;
+      fields_.force[2 * i + 1] = fy;
     }
-    fields_.force[2 * i] = fx;
-    fields_.force[2 * i + 1] = fy;
-  }
+  });
 }
 
 // The weights of a pair are those of VelocitySmoothing, of the neighbours of now.

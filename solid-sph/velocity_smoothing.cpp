@@ -3,6 +3,7 @@
 #include <cmath>
 
 #include "internal_force.hpp"
+#include "on_team.hpp"
 
 namespace estuary::solid {
 
@@ -29,15 +30,17 @@ VelocitySmoothing::VelocitySmoothing(const Body& body, const Neighbourhood& pair
 
 double VelocitySmoothing::apply(std::vector<double>& velocity) {
   const std::size_t n = body_.size();
-#pragma omp parallel for schedule(static) if (n > kSerialBelow)
-  for (std::size_t i = 0; i < n; ++i)
-    for (std::size_t c = 0; c < 2; ++c) {
-      double change = 0;
-      for (std::size_t k = pairs_.first[i]; k < pairs_.first[i + 1]; ++k)
-        change += weight_[k] * (velocity[2 * pairs_.neighbour[k] + c] - velocity[2 * i + c]);
-      smoothed_[2 * i + c] =
-          body_.holds(i, c) ? velocity[2 * i + c] : velocity[2 * i + c] + change / body_.mass[i];
-    }
+  on_team(n > kSerialBelow, [&] {
+#pragma omp for schedule(static) nowait
+    for (std::size_t i = 0; i < n; ++i)
+      for (std::size_t c = 0; c < 2; ++c) {
+        double change = 0;
+        for (std::size_t k = pairs_.first[i]; k < pairs_.first[i + 1]; ++k)
+          change += weight_[k] * (velocity[2 * pairs_.neighbour[k] + c] - velocity[2 * i + c]);
+        smoothed_[2 * i + c] =
+            body_.holds(i, c) ? velocity[2 * i + c] : velocity[2 * i + c] + change / body_.mass[i];
+      }
+  });
   const double taken = ordered_sum(n, [&](std::size_t i) {
     double energy = 0;
     for (std::size_t c = 2 * i; c < 2 * i + 2; ++c)
