@@ -354,6 +354,9 @@ void Participants::listen(RemoteParticipant& participant) {
       participant.progress_ = std::move(*reply->mutable_progress());
       continue;
     }
+    if (!reply->has_header())  // no bytes at all are a message, too
+      throw ChannelError(
+          fmt::format("'{}' sent a message without a header", participant.channel_.endpoint()));
     if (reply->header().protocol_version() != protocol_version) {
       throw RunFailure(ExitStatus::wrong_scene,
                        fmt::format("{}: the participant at {} speaks protocol version {}, this coupler {}",

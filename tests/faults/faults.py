@@ -23,12 +23,13 @@ import message_cases
 import phase_cases
 import rank_cases
 import recovery_cases
+import reply_cases
 import security_cases
 import scene_cases
 import scenes
 
 CASES = {}
-for module in (recovery_cases, phase_cases, message_cases, security_cases, disk_cases, clock_cases, rank_cases, scene_cases):
+for module in (recovery_cases, phase_cases, message_cases, reply_cases, security_cases, disk_cases, clock_cases, rank_cases, scene_cases):
     CASES.update({name[5:]: value for name, value in vars(module).items() if name.startswith("case_")})
 
 
