@@ -1,4 +1,5 @@
 """Disks that are full, and what many windows leave behind."""
+import contextlib
 import os
 import signal
 import subprocess
@@ -22,27 +23,46 @@ def case_checkpoint_that_cannot_be_written(place):
     expect(summary(out)["recovery"]["checkpoints"] == 0, run.said())
 
 
+@contextlib.contextmanager
+def small_disk(folder):
+    """A disk of 16 MB there, with what was in the folder; None where this machine lets us mount none."""
+    folder.mkdir(parents=True, exist_ok=True)
+    before = {path.name: path.read_bytes() for path in folder.iterdir()}
+    mounted = subprocess.run(["mount", "-t", "tmpfs", "-o", "size=16m", "tmpfs", str(folder)], capture_output=True).returncode == 0
+    for name, content in before.items() if mounted else ():
+        (folder / name).write_bytes(content)
+    try:
+        yield folder if mounted else None
+    finally:
+        if mounted:
+            subprocess.run(["umount", "--lazy", str(folder)], check=False)
+
+
+def fill(disk):
+    with open(disk / "filler", "wb", buffering=0) as filler:
+        try:
+            while True:
+                filler.write(b"x" * 4096)
+        except OSError:
+            pass
+
+
+NO_DISK = "NOT TESTED: this machine lets us mount no small disk"
+
+
 def case_disk_full(place):
     """While tables, frames and checkpoints are written; with room again (the whole run needs a few megabytes) it goes on."""
-    small = place.folder / "small"
-    small.mkdir()
-    if subprocess.run(["mount", "-t", "tmpfs", "-o", "size=16m", "tmpfs", str(small)], capture_output=True).returncode:
-        return "NOT TESTED: this machine lets us mount no small disk"
-    try:
+    with small_disk(place.folder / "small") as small:
+        if small is None:
+            return NO_DISK
         scene = place.springs(end=6.0, fluid="seconds = 0.01")
-        text = scene.read_text() + "[output]\\nframe_interval = 1\\n".replace("\\n", "\n")
-        scene.write_text(text)
+        scene.write_text(scene.read_text() + "[output]\nframe_interval = 1\n")
         undisturbed = place.folder / "undisturbed"
         finished(scene, undisturbed)
         out = small / "out"  # what is said goes to that disk as well
         run = Run(scene, out)
         run.wait_for_window(13)
-        with open(small / "filler", "wb", buffering=0) as filler:
-            try:
-                while True:
-                    filler.write(b"x" * 4096)
-            except OSError:
-                pass
+        fill(small)
         status = run.end()
         said = run.said()
         os.remove(small / "filler")
@@ -50,16 +70,47 @@ def case_disk_full(place):
         expect("full" in run.log() or "space" in run.log() or not said, f"{said}\n{run.log()[-2000:]}")
         finished(scene, out, "--resume", line="goes on after window")
         expect_same(out, undisturbed)
-    finally:
-        subprocess.run(["umount", "--lazy", str(small)], check=False)
 
 
-def case_many_exchanges(place, windows=4000):
-    """Memory and file handles do not grow with the number of windows."""
+def case_disk_full_under_one_participant(place):
+    """The disk that holds the solid's folder alone: a frame that does not fit ends the run, which can be gone on with; a checkpoint that does
+    not fit is said and left out, the one before it stays."""
+    for what, output in (("frame", "frame_interval = 5"), ("checkpoint", "frames = false")):
+        where = type(place)(place.folder / what)
+        scene = where.springs(end=4.0, fluid="seconds = 0.03", recovery=f"[recovery]\nevery = 10\n[output]\n{output}")
+        undisturbed = where.folder / "undisturbed"
+        finished(scene, undisturbed)
+        out = where.folder / "out"
+        run = Run(scene, out)
+        run.wait_for_window(1)  # a run begins by making its folders
+        with small_disk(out / "solid") as small:
+            if small is None:
+                run.process.terminate()
+                run.end()
+                return NO_DISK
+            run.wait_for_window(12)
+            fill(small)
+            if what == "frame":
+                status = run.end()
+                expect(status == 4 and "'solid'" in run.said() and "space" in run.said(), f"exit status {status}: {run.said()}")
+            else:
+                run.wait_for_window(27)
+                expect("no checkpoint of window" in run.said(), run.said())
+                os.kill(run.process.pid, signal.SIGKILL)
+                run.end()
+                while run.participants():
+                    time.sleep(0.05)
+            os.remove(small / "filler")
+            finished(scene, out, "--resume", line="goes on after window 10")
+            expect_same(out, undisturbed)
+
+
+def case_many_exchanges(place, windows=int(os.environ.get("ESTUARY_WINDOWS", "4000"))):
+    """Memory and file handles do not grow with the number of windows (ESTUARY_WINDOWS=500000: a million exchanges)."""
     scene = place.springs(end=windows * 0.1, coupling='scheme = "serial-explicit"\npredictor = "none"',
                           recovery="[recovery]\nevery = 500")
     scene.write_text(scene.read_text().replace("slope = 0.5", "slope = 0.0"))
-    run = Run(scene, place.folder / "out", limit=600)
+    run = Run(scene, place.folder / "out", limit=600 + 0.01 * windows)
     seen = []
     for window in (windows // 4, windows - windows // 10):
         run.wait_for_window(window)

@@ -91,28 +91,28 @@ def first_word_of_a_loss(run):
     return next((line for line in run.said().splitlines() if "was lost" in line or "interrupted" in line or "did not answer" in line), None)
 
 
-def struck(place, phase, number, victim):
+def struck(place, phase, number, victim, role):
     """One signal to one process in one phase: (what came of it, time until it was noticed, time until the end)."""
     if phase in ("connect", "exchange"):
-        scene = place.springs(recovery="[recovery]\nevery = 3", solid="seconds = 0.01")
+        scene = place.springs(recovery="[recovery]\nevery = 3", solid="seconds = 0.01", fluid="seconds = 0.01")
         mark = None
     else:
-        scene, mark = dwell(place, "fluid", phase)
+        scene, mark = dwell(place, role, phase)
     out = place.folder / "out"
     run = Run(scene, out, limit=40)
     if phase == "connect":
-        while "fluid" not in run.participants():
+        while role not in run.participants():
             expect(run.process.poll() is None and time.monotonic() - run.begin < 20, run.said())
     elif phase == "exchange":
         run.wait_for_window(7)
     else:
         if phase == "load":
             run.wait_for_window(8)
-            os.kill(run.participants()["solid"], signal.SIGKILL)
+            os.kill(run.participants()["solid" if role == "fluid" else "fluid"], signal.SIGKILL)
         wait_for(run, mark)
     lines_before = len(run.said().splitlines())
     moment = time.monotonic()
-    target = run.process.pid if victim == "coupler" else run.participants().get("fluid")
+    target = run.process.pid if victim == "coupler" else run.participants().get(role)
     if target is None:
         run.end()
         return "had ended already", 0.0, 0.0
@@ -142,16 +142,16 @@ def struck(place, phase, number, victim):
 
 
 def case_table_of_signals(place):
-    """Four signals in nine phases and the coupler's as well; whatever becomes of it, the bits in the end are the same."""
+    """Four signals in nine phases to every process; whatever becomes of it, the bits in the end are the same."""
     reference = place.folder / "undisturbed"
     finished(place.springs(), reference)
     table, noticed, ends = [], {}, {}
-    for victim in ("participant", "coupler"):
+    for victim in ("fluid", "solid", "coupler"):
         for phase in ("connect", "configure", "start", "advance", "exchange", "save", "load", "frame", "stop"):
             row = []
             for number in (signal.SIGKILL, signal.SIGTERM, signal.SIGSTOP, signal.SIGINT):
                 where = type(place)(place.folder / f"{victim}-{phase}-{number.name}")
-                what, first, took = struck(where, phase, number, victim)
+                what, first, took = struck(where, phase, number, victim, "solid" if victim == "solid" else "fluid")
                 expect_same(where.folder / "out", reference, frames=False)
                 row.append(f"{what} ({first:.1f} s)")
                 if "resumed" in what or "goes on" in what:
