@@ -11,6 +11,7 @@
 #include <numeric>
 #include <stdexcept>
 
+#include "file_digest.hpp"
 #include "temporary_folder.hpp"
 
 namespace estuary {
@@ -167,6 +168,36 @@ TEST_F(Checkpoint, NamesAFileThatCannotBeWritten) {
   CheckpointWriter writer(folder_.path() / "no-such-folder" / "a.h5");
   EXPECT_THAT(failure([&] { writer.commit(); }),
               AllOf(HasSubstr("no-such-folder/a.h5"), HasSubstr("cannot be created")));
+}
+
+// The checksum as ISO-HDLC defines it (reflected polynomial 0xedb88320), bit by bit and without zlib.
+std::uint32_t crc32_by_bits(std::string_view bytes) {
+  std::uint32_t crc = 0xffffffffU;
+  for (const char byte : bytes) {
+    crc ^= static_cast<unsigned char>(byte);
+    for (int bit = 0; bit < 8; ++bit) crc = (crc >> 1U) ^ ((crc & 1U) != 0 ? 0xedb88320U : 0U);
+  }
+  return ~crc;
+}
+
+TEST_F(Checkpoint, ItsChecksumIsThatOfTheStandard) {
+  constexpr std::string_view check = "123456789";  // the standard's own example
+  EXPECT_EQ(crc32_of(check.data(), check.size()), 0xcbf43926U);
+  EXPECT_EQ(crc32_by_bits(check), 0xcbf43926U);
+  // In one piece, in several pieces as files are read, and around their ends.
+  for (const std::size_t size : {0, 1, 65'535, 65'536, 65'537, 200'000}) {
+    std::string bytes(size, '\0');
+    for (std::size_t k = 0; k < size; ++k) bytes[k] = static_cast<char>(k * k / 7 + k);
+    std::ofstream(file_, std::ios::binary) << bytes;
+    const FileSum sum = sum_of_file(file_);
+    EXPECT_EQ(sum.bytes, size);
+    EXPECT_EQ(sum.crc32, crc32_by_bits(bytes)) << size;
+    EXPECT_EQ(crc32_of(bytes.data(), size), sum.crc32) << size;
+    if (size == 0) continue;
+    bytes[size / 2] = static_cast<char>(bytes[size / 2] ^ 4);
+    std::ofstream(file_, std::ios::binary) << bytes;
+    EXPECT_THAT(failure([&] { require_sum(file_, sum); }), HasSubstr("is damaged: its checksum is")) << size;
+  }
 }
 
 }  // namespace
