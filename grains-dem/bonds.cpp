@@ -103,7 +103,9 @@ double add_bond_forces(const BondLaw& law, const Domain<D>& domain, double dt, B
                        State<D>& state, double& lost) {
   constexpr std::size_t spin = spin_components<D>;
   const std::size_t n = bonds.size();
-  std::vector<double> damped(n, 0.0), released(n, 0.0);
+  std::vector<double>&damped = bonds.damped, &released = bonds.released;
+  damped.assign(n, 0.0);
+  released.assign(n, 0.0);
   on_team(n > 4096, [&] {
 #pragma omp for schedule(static) nowait
     for (std::size_t b = 0; b < n; ++b) {

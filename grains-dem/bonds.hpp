@@ -32,6 +32,7 @@ struct Bonds {
   std::vector<std::uint8_t> broken;
   // Bonds of each grain, for adding forces in a fixed order.
   std::vector<std::uint32_t> grain_start, grain_bond;
+  std::vector<double> damped, released;  // by each bond in the evaluation under way [J]
 
   [[nodiscard]] std::size_t size() const { return length.size(); }
 };
