@@ -158,8 +158,13 @@ SectionAnswer flow(const ShellSection& section, const SectionVector& strain, con
   const double increment[3] = {(trial.membrane - s.membrane) / section.membrane(),
                                (trial.shear - s.shear) / section.shear(),
                                (trial.bending - s.bending) / section.bending()};
-  if (back.multiplier > 0)
-    answer.dissipated = s.membrane * increment[0] + s.shear * increment[1] + s.bending * increment[2];
+  if (back.multiplier > 0) {
+    // What does the work is on the way from the yield surface of the start to that of the end: the mean of
+    // both along the resultants of the end, which is exact for linear hardening and else of second order.
+    const Return first(section, s, history[3], psi);
+    answer.dissipated = (1 - 0.5 * first.excess() / first.equivalent) *
+                        (s.membrane * increment[0] + s.shear * increment[1] + s.bending * increment[2]);
+  }
   if (next != nullptr) {
     for (std::size_t k = 0; k < 3; ++k) next[k] = history[k] + increment[k];
     next[3] = back.strain();
