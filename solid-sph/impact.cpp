@@ -257,9 +257,7 @@ double ImpactSolver::longest_step(const State& state, double courant) {
   }
   if (rows_) {
     rows_->evaluate(state.displacement, row_history_, false, fields_);
-    step = std::min(step, courant * 2 /
-                              std::sqrt(rows_->squared_frequency(state.velocity, row_history_) *
-                                        rows_->largest_stiffening()));
+    step = std::min(step, courant * 2 / std::sqrt(rows_->squared_frequency(state.velocity, row_history_)));
   }
   double fastest = 0;
   for (std::size_t i = 0; i < body_.size(); ++i)

@@ -70,7 +70,7 @@ private:
   /// Forces of the state reached by a step of `time_step` (0: of the state as it is) at the velocities given.
   /// Returns whether links of shells broke.
   bool find_forces(State& state, double time_step, std::uint64_t step);
-  bool bend_shells(const State& state, bool commit);
+  bool bend_shells(const State& state, bool commit, std::uint64_t step);
   void copy_fields();
   void kick(State& state, const Loading& loading, const ExternalForces& external, double duration,
             double time_step, double damping);

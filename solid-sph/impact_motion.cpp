@@ -24,7 +24,7 @@ private:
 }  // namespace
 
 // Adds the forces of shells; links that are past a limit break. Returns whether any did.
-bool ImpactSolver::bend_shells(const State& state, bool commit) {
+bool ImpactSolver::bend_shells(const State& state, bool commit, std::uint64_t step) {
   if (!rows_) return false;
   const std::span<const double> displacement = state.displacement;
   const auto velocity =
@@ -40,7 +40,8 @@ bool ImpactSolver::bend_shells(const State& state, bool commit) {
   if (bad > 0)
     for (const std::uint32_t i : rows_->particles())
       if (!std::isfinite(fields_.force[2 * i] + fields_.force[2 * i + 1]))
-        throw Breakdown(i, 0, std::numeric_limits<double>::quiet_NaN());
+        throw Breakdown(i, step, std::numeric_limits<double>::quiet_NaN());
+  rows_->refuse_folded(step);
   return broke;
 }
 
@@ -69,7 +70,7 @@ bool ImpactSolver::find_forces(State& state, double time_step, std::uint64_t ste
     solid_seconds_ += watch.seconds();
   }
   copy_fields();
-  return bend_shells(state, time_step > 0);
+  return bend_shells(state, time_step > 0, step);
 }
 
 // Velocities of what follows a prescribed motion, of the coming step.

@@ -38,11 +38,6 @@ void ShellSolver::commit(std::span<const double> displacement) {
   sweep(displacement, true);
 }
 
-std::array<double, 16> ShellSolver::tangent_at(std::size_t i) const {
-  const double a = row_.stiffening_at(i);
-  return {a, 0, 0, 0, 0, a, 0, 0, 0, 0, a, 0, 0, 0, 0, a};
-}
-
 double ShellSolver::reference_stable_step() {
   rest_stiffness_ = 1;
   stable_step_ = 2 / std::sqrt(row_.squared_frequency());
@@ -50,8 +45,7 @@ double ShellSolver::reference_stable_step() {
 }
 
 double ShellSolver::longest_step(const State& state, double courant) {
-  return courant * 2 /
-         std::sqrt(row_.squared_frequency(state.velocity, history_) * row_.largest_stiffening());
+  return courant * 2 / std::sqrt(row_.squared_frequency(state.velocity, history_));
 }
 
 double ShellSolver::kinetic_energy(const State& state) const {
@@ -146,6 +140,7 @@ void ShellSolver::advance(State& state, const Loading& given, double duration, s
       row_.drop_broken(history_, loading);
       sweep(state.displacement, false, foreseen);
     }
+    row_.refuse_folded(step);
     if (row_.viscous()) state.viscous_work += (step < steps ? 1.0 : 0.5) * dt * row_.viscous_power();
     external.set(fraction, time, state.displacement);
     add_loads(loading, external, time, fraction);
@@ -231,6 +226,7 @@ EquilibriumReport ShellSolver::relax(std::vector<double>& displacement, const Lo
         const bool near = (report.residual < settings.tolerance || residual < round_off) &&
                           report.remaining_change < settings.tolerance;
         if (near && near_before) {
+          row_.refuse_folded(report.steps);
           report.converged = true;
           return report;
         }

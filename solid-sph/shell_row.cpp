@@ -16,11 +16,6 @@ double inner(const Vector& a, const Vector& b) {
   return a[0] * b[0] + a[1] * b[1];
 }
 
-// Stiffness against further stretch, relative to rest, of 1/2 (s^2 - 1) and of ln s.
-double stretched(double s, bool logarithmic) {
-  return std::max(1.0, logarithmic ? (1 - std::log(s)) / (s * s) : 0.5 * (3 * s * s - 1));
-}
-
 }  // namespace
 
 ShellRow::ShellRow(const Body& body, std::vector<ShellSection> sections)
@@ -113,17 +108,20 @@ void ShellRow::pull(std::span<const double> displacement, std::span<double> hist
     return;
   }
   now.whole = true;
+  now.folded = !(strain.along > kFolded);
   now.stretch = stretch;
+  now.along = strain.along;
   now.shear_strain = strain.shear;
   const ShellSection& section = sections_[link.member];
   SectionVector all{};
   if (section.plastic()) {
     double* own = &history[2 * size() + kLinkHistory * l];
     // The membrane strain is ln(x'.t): what does work on it is the force along times x'.t.
+    const double along = std::max(strain.along, kFolded);
     const SectionAnswer answer =
-        flow(section, {std::log(strain.along), strain.shear, strain.curvature}, own, commit ? own : nullptr);
+        flow(section, {std::log(along), strain.shear, strain.curvature}, own, commit ? own : nullptr);
     all = answer.resultant;
-    all.membrane /= strain.along;
+    all.membrane /= along;
     now.stored = link.length * answer.stored;
     now.energy = now.stored + (commit ? 0 : link.length * answer.dissipated);
   } else {
@@ -190,9 +188,13 @@ std::int64_t ShellRow::evaluate(std::span<const double> displacement, std::span<
   const std::size_t count = links_.size(), n = size();
 #pragma omp parallel for schedule(static) if (n > kSerialBelow)
   for (std::size_t i = 0; i < n; ++i) fibre_[i] = normal_of(fibre_angle_[i] + history[2 * i]);
-#pragma omp parallel for schedule(static) if (n > kSerialBelow)
-  for (std::size_t l = 0; l < count; ++l) pull(displacement, history, commit, l, velocity);
-  std::int64_t bad = 0;
+  std::int64_t bad = 0, folded = 0;
+#pragma omp parallel for schedule(static) reduction(+ : folded) if (n > kSerialBelow)
+  for (std::size_t l = 0; l < count; ++l) {
+    pull(displacement, history, commit, l, velocity);
+    if (at_[l].folded) ++folded;
+  }
+  folded_ = folded;
 #pragma omp parallel for schedule(static) reduction(+ : bad) if (n > kSerialBelow)
   for (std::size_t i = 0; i < n; ++i) {
     gather(displacement, i, fields);
@@ -287,22 +289,6 @@ double ShellRow::held_moment() const {
   for (std::size_t i = 0; i < size(); ++i)
     if (!turns(i)) sum -= moment_[i];
   return sum;
-}
-
-double ShellRow::stiffening_at(std::size_t i) const {
-  double value = 1;
-  for (const std::uint32_t l : {before_[i], after_[i]})
-    if (l != kNone && at_[l].whole)
-      value = std::max(value, stretched(at_[l].stretch, sections_[links_[l].member].plastic()));
-  return value;
-}
-
-double ShellRow::largest_stiffening() const {
-  double value = 1;
-  for (std::size_t l = 0; l < links_.size(); ++l)
-    if (at_[l].whole)
-      value = std::max(value, stretched(at_[l].stretch, sections_[links_[l].member].plastic()));
-  return value;
 }
 
 Tensor<double> ShellRow::first_piola_kirchhoff_at(std::size_t i) const {

@@ -48,8 +48,11 @@ public:
   /// values that are not finite.
   std::int64_t evaluate(std::span<const double> displacement, std::span<double> history, bool commit,
                         Fields& fields, std::span<const double> velocity = {});
-  /// Breaks links of the state last evaluated that are past a limit, the worst of each group of neighbours.
-  /// Returns how many.
+  /// Throws Breakdown when a link of the state last evaluated has folded: its ends' fibres have turned by
+  /// nearly a right angle or more from across it. Those that can break do so.
+  void refuse_folded(std::uint64_t step) const;
+  /// Breaks links of the state last evaluated that are past a limit or have folded, the worst of each group
+  /// of neighbours. Returns how many.
   std::size_t break_links(std::span<double> history);
   /// The particles at both ends of every broken link.
   [[nodiscard]] std::vector<std::array<std::uint32_t, 2>> broken_links(std::span<const double> history) const;
@@ -95,14 +98,12 @@ public:
   /// Largest squared frequency of a single link at rest [1/s2], an upper bound of that of the rows; where
   /// artificial viscosity wants still shorter steps, that for which the same steps are stable.
   [[nodiscard]] double squared_frequency() const;
-  /// The same with what artificial viscosity asks for in the state last evaluated: it grows with the
-  /// shortening of the links and, when quadratic, with the speed at which they close. `velocity`: of the
-  /// whole body; no link is taken to close slower than the fastest particle moves, because it may be stopped
-  /// at once.
+  /// The same of the state last evaluated and its whole links, at least that of rest: stretch, shear strain
+  /// and forces stiffen a link, and what artificial viscosity asks for grows with the shortening of the links
+  /// and, when quadratic, with the speed at which they close. `velocity`: of the whole body; no link is taken
+  /// to close slower than the fastest particle moves, because it may be stopped at once.
   [[nodiscard]] double squared_frequency(std::span<const double> velocity,
                                          std::span<const double> history) const;
-  /// How much the stretch stiffens at a particle of the rows, relative to rest.
-  [[nodiscard]] double stiffening_at(std::size_t local) const;
   /// Of the mid-line: (N t + T n) / h across it, t and n being the link's own frame.
   [[nodiscard]] Tensor<double> first_piola_kirchhoff_at(std::size_t local) const;
   /// Mean of the links at a particle: normal, transverse shear force and moment, and plastic strain.
@@ -117,7 +118,8 @@ public:
   void relaxation_masses(std::vector<double>& mass, std::vector<double>& inertia) const;
   /// Forces that rounding alone leaves [N/m].
   [[nodiscard]] double round_off() const;
-  /// Of the links that are whole, in the state last evaluated.
+  /// By how much the links that are whole in the state last evaluated exceed the bound that these masses
+  /// set, in squared frequency; at least 1.
   [[nodiscard]] double largest_stiffening() const;
   [[nodiscard]] std::vector<double>& moments() { return moment_; }
   [[nodiscard]] bool turns(std::size_t local) const {
@@ -142,11 +144,21 @@ private:
   struct LinkState {
     std::array<double, 2> force, couple;       // on `a`; on both in their `moment_`
     double normal_force, shear_force, moment;  // along the frame [N/m], and [N m/m]
-    double stretch, shear_strain, energy, stored;
-    bool whole;  // not before the first evaluation
+    double stretch, along, shear_strain, energy, stored;
+    bool whole;   // not before the first evaluation
+    bool folded;  // nothing left along its frame
     double viscous_power;
     std::array<double, 2> viscous_couple;  // in `couple`
   };
+  // What resists small changes of a link's motion: stiffness along and across its frame, what has gathered
+  // there, and where it is.
+  struct Tangent {
+    double axial, across, normal_force, shear_force, along, shear_strain;
+  };
+  // What `along` is at least taken for in logarithms and divisions; a link below has folded.
+  static constexpr double kFolded = 0.01;
+
+  [[nodiscard]] Tangent tangent(std::size_t link) const;
   [[nodiscard]] const double* memory(std::span<const double> history, std::size_t link) const {
     return &history[2 * size() + kLinkHistory * link];
   }
@@ -159,8 +171,8 @@ private:
   // Of the loading's moments while particles turn by angles.
   [[nodiscard]] double turning_work(const Loading& loading, double time, double fraction,
                                     std::span<const double> angle) const;
-  // Of links at a stretch that close at a speed.
-  [[nodiscard]] double squared_frequency(const Link& link, double stretch, double closing) const;
+  // Of links that close at a speed.
+  [[nodiscard]] double squared_frequency(const Link& link, const Tangent& tangent, double closing) const;
   [[nodiscard]] double overload(std::span<const double> history, std::size_t link) const;
   void pull(std::span<const double> displacement, std::span<double> history, bool commit, std::size_t link,
             std::span<const double> velocity);
@@ -176,6 +188,7 @@ private:
 
   const Body& body_;
   std::vector<ShellSection> sections_;
+  std::int64_t folded_ = 0;  // links, in the state last evaluated
   bool remembers_ = false, breakable_ = false, viscous_ = false, quadratic_ = false, filters_ = false;
   std::vector<double> rate_;      // of the rotations, foreseen for the end of a step [1/s]; with viscosity
   std::vector<double> filtered_;  // angles by which the filter turns the fibres [rad]; with a filter

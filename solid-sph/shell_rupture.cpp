@@ -1,8 +1,10 @@
 // Links of shells that break.
 #include <algorithm>
 #include <cmath>
+#include <limits>
 
 #include "shell_row.hpp"
+#include "solver.hpp"
 
 namespace estuary::solid {
 
@@ -11,6 +13,7 @@ double ShellRow::overload(std::span<const double> history, std::size_t l) const 
   const ShellSection& section = sections_[links_[l].member];
   const RuptureLimits& limit = section.rupture;
   if (!limit.any() || broken(history, l)) return 0;
+  if (at_[l].folded) return std::numeric_limits<double>::max();
   const double* own = memory(history, l);
   double worst = 0;
   const auto compare = [&](double value, double bound) {
@@ -40,6 +43,17 @@ std::size_t ShellRow::break_links(std::span<double> history) {
     own[kSectionHistory + 1] = at_[l].stored;
   }
   return chosen.size();
+}
+
+void ShellRow::refuse_folded(std::uint64_t step) const {
+  if (folded_ == 0) return;
+  for (std::size_t l = 0; l < links_.size(); ++l)
+    if (at_[l].folded && !sections_[links_[l].member].rupture.any())
+      throw Breakdown(
+          particle_[links_[l].a], step,
+          "begins a link of a shell that has folded (its fibres lie along it, not across)",
+          "use shorter links (spacing), which share a hinge's angle, a smaller load or courant, or "
+          "[solid] rupture, by which such a link breaks");
 }
 
 std::vector<std::array<std::uint32_t, 2>> ShellRow::broken_links(std::span<const double> history) const {

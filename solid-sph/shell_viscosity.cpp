@@ -1,4 +1,4 @@
-// Artificial viscosity of shells, the steps that are stable with it, and the filter of their fibres.
+// Artificial viscosity of shells, and the filter of their fibres.
 #include <algorithm>
 #include <cmath>
 
@@ -37,7 +37,8 @@ SectionVector ShellRow::drag(std::size_t l, std::span<const double> velocity, co
                thin = section.density * std::min(link.length, h) * speed;
   SectionVector force{0, viscosity.shear * thin * h * shearing,
                       viscosity.bending * thin * h * h * h / 12 * bending};
-  const double rate = stretching / strain.along;  // of the logarithm of the stretch
+  // Of the logarithm of the stretch, with the sign of what it brakes however a link has folded.
+  const double rate = stretching / std::max(strain.along, kFolded);
   if (rate < 0)
     force.membrane = h * (viscosity.linear * wide * rate -
                           viscosity.quadratic * section.density * link.length * link.length * rate * rate);
@@ -51,49 +52,6 @@ double ShellRow::viscous_power() const {
   double sum = 0;
   for (const LinkState& link : at_) sum += link.viscous_power;
   return sum;
-}
-
-double ShellRow::squared_frequency(const Link& link, double stretch, double closing) const {
-  const ShellSection& s = sections_[link.member];
-  const double length = 4 / (link.length * link.length), shear = length + 12 / (s.thickness * s.thickness);
-  const double along = s.young_modulus / s.density * length,
-               across = s.shear_correction * s.shear_modulus / s.density * shear;
-  double squared = std::max(along, across);
-  if (!s.viscosity.any()) return squared;
-  // With the share z of critical damping, and velocities foreseen by the acceleration before, a step is
-  // stable up to 2 / (w (2 z + sqrt(1 + 4 z^2))).
-  const auto damped = [](double square, double share) {
-    return square * std::pow(2 * share + std::sqrt(1 + 4 * share * share), 2);
-  };
-  const double speed = std::sqrt(s.young_modulus / s.density), thin = std::min(link.length, s.thickness);
-  // A force in proportion to the square of a rate has twice its share in small changes of the rate.
-  const double axial = (s.viscosity.linear + 2 * s.viscosity.quadratic * closing / speed) / stretch;
-  squared = std::max({squared, damped(along, std::max(axial, s.viscosity.bending * thin / link.length)),
-                      damped(across, 0.5 * s.viscosity.shear * thin * speed * shear / std::sqrt(across))});
-  return squared;
-}
-
-double ShellRow::squared_frequency() const {
-  double squared = 0;
-  for (const Link& link : links_) squared = std::max(squared, squared_frequency(link, 1, 0));
-  return squared;
-}
-
-double ShellRow::squared_frequency(std::span<const double> velocity, std::span<const double> history) const {
-  if (!viscous_) return squared_frequency();
-  double fastest = 0, squared = 0;
-  for (std::size_t i = 0; quadratic_ && i < velocity.size() / 2; ++i)
-    fastest = std::max(fastest, std::hypot(velocity[2 * i], velocity[2 * i + 1]));
-  for (std::size_t l = 0; l < links_.size(); ++l) {
-    const Link& link = links_[l];
-    if (broken(history, l)) continue;
-    const std::size_t pa = particle_[link.a], pb = particle_[link.b];
-    const double apart =
-        std::hypot(velocity[2 * pb] - velocity[2 * pa], velocity[2 * pb + 1] - velocity[2 * pa + 1]);
-    const double stretch = std::min(1.0, at_[l].stretch);
-    squared = std::max(squared, squared_frequency(link, stretch, std::max(apart, fastest) / stretch));
-  }
-  return squared > 0 ? squared : squared_frequency();
 }
 
 std::array<double, 2> ShellRow::filter_normals(std::span<double> history, const Loading& loading, double time,

@@ -45,7 +45,7 @@ TEST(ShellSection, InPureBendingFollowsTheExactMomentOfARectangularSection) {
       // Work done is stored and dissipated: the area under the exact curve.
       const double area = k < 1 ? k * k / 3 : 1.0 / 3 + (k - 1) - (1 - 1 / k) / 3;
       if (increments > 1) {
-        EXPECT_NEAR((answer.stored + memory[5]) / (limit * first) / area, 1, 0.03) << k;
+        EXPECT_NEAR((answer.stored + memory[5]) / (limit * first) / area, 1, 2e-3) << k;
       }
     }
 }
@@ -87,7 +87,7 @@ TEST(ShellSection, StoresAndDissipatesTheWorkDone) {
   SectionVector before{};
   double work = 0, stored = 0;
   SectionVector force{};
-  constexpr int kSteps = 4000;
+  constexpr int kSteps = 400;
   for (int k = 1; k <= kSteps; ++k) {
     const double s = static_cast<double>(k) / kSteps;
     const SectionVector now{0.01 * s * s, 0.004 * std::sin(3 * s), 0.4 * std::sin(5 * s)};
@@ -101,7 +101,7 @@ TEST(ShellSection, StoresAndDissipatesTheWorkDone) {
     stored = answer.stored;
   }
   EXPECT_GT(memory[5], 0.5 * work);
-  EXPECT_NEAR((stored + memory[5]) / work, 1, 2e-3);
+  EXPECT_NEAR((stored + memory[5]) / work, 1, 1e-3);
 }
 
 struct Beam {
@@ -127,7 +127,7 @@ TEST(ShellSection, CantileverBeyondYieldBendsAsPragerAndHodgeSay) {
     loading.loads.push_back({{tip}, {0, 1.4 * first}, {0, 1.4 * first}, {}, {}});
     std::vector<double> u(2 * beam.body.size(), 0.0);
     ASSERT_TRUE(
-        beam.solver->relax(u, loading, 0, {.tolerance = 1e-6, .maximum_steps = 1'000'000}, test::no_monitor)
+        beam.solver->relax(u, loading, 0, {.tolerance = 1e-5, .maximum_steps = 1'000'000}, test::no_monitor)
             .converged);
     const double at_yield = first / (3 * section.bending());
     const double exact = at_yield / 1.96 * (5 - 4.4 * std::sqrt(0.2)) + 1.4 * first / section.shear();
@@ -179,17 +179,22 @@ TEST(ShellSection, TearsAtAnEnergyThatDoesNotDependOnTheGrid) {
 TEST(ShellSection, WhatFliesOffBehindATornLinkDoesNotShortenTheStep) {
   ShellSection section = plastic_section(Hinge::growing, 0);
   section.plasticity = {};
+  section.thickness = 0.2;  // thick, so that stretch sets the step before shear does
   section.rupture = {.stretch = 0.1};
   Beam beam(10, section);
   State state = at_rest(beam.body);
   state.history = beam.solver->history();
+  beam.solver->evaluate(state.displacement);
+  const double rest = beam.solver->longest_step(state, 0.5);
   state.displacement[2 * 10] = 0.05;  // half a link
   beam.solver->evaluate(state.displacement);
   const double step = beam.solver->longest_step(state, 0.5);
+  EXPECT_LT(step, rest / 1.2);
   beam.solver->advance(state, {}, 0.1 * step, 1, 0, test::no_monitor);
   ASSERT_EQ(beam.solver->totals(state)[0].second, 1);  // broken links
+  state.displacement[2 * 10] = 5;
   beam.solver->evaluate(state.displacement);
-  EXPECT_GT(beam.solver->longest_step(state, 0.5), 1.2 * step);
+  EXPECT_NEAR(beam.solver->longest_step(state, 0.5) / rest, 1, 0.01);
 }
 
 }  // namespace
