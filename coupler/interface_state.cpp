@@ -18,17 +18,19 @@ InterfaceState predict(Predictor predictor, const InterfaceHistory& history, dou
 
 void accelerate(Acceleration& acceleration, InterfaceState& x, const InterfaceState& answer, double duration,
                 bool moves, bool with_forces) {
-  std::vector<double> iterate;
-  std::vector<double> residual;
   const std::size_t size = answer.motion.displacement.size() + (moves ? answer.motion.velocity.size() : 0) +
                            (with_forces ? answer.forces.size() : 0);
-  iterate.reserve(size);
-  residual.reserve(size);
+  auto& [iterate, residual] = acceleration.vectors();
+  iterate.resize(size);
+  residual.resize(size);
+  std::size_t taken = 0;
   const auto take = [&](const std::vector<double>& from, const std::vector<double>& to, double scale) {
+    double *value = iterate.data() + taken, *change = residual.data() + taken;
     for (std::size_t i = 0; i < from.size(); ++i) {
-      iterate.push_back(scale * from[i]);
-      residual.push_back(scale * (to[i] - from[i]));
+      value[i] = scale * from[i];
+      change[i] = scale * (to[i] - from[i]);
     }
+    taken += from.size();
   };
   take(x.motion.displacement, answer.motion.displacement, 1.0);
   if (moves) take(x.motion.velocity, answer.motion.velocity, duration);

@@ -1,9 +1,37 @@
 #include "load_transfer.hpp"
 
+#include <algorithm>
+#include <array>
 #include <cmath>
 #include <stdexcept>
 
 namespace estuary::coupler {
+
+namespace {
+
+// One sum after the other would wait for each addition: those of a node are made first.
+template <std::size_t D>
+LoadSums sum_load_in(const v1::WetSurface& surface, std::span<const double> displacement,
+                     std::span<const double> velocity, std::span<const double> force) {
+  const double* reference = surface.reference_positions().data();
+  std::array<double, D> total{};
+  LoadSums sums;
+  for (std::size_t i = 0; i < force.size(); i += D) {
+    double power = 0;
+    for (std::size_t axis = 0; axis < D; ++axis) {
+      total[axis] += force[i + axis];
+      if (!velocity.empty()) power += force[i + axis] * velocity[i + axis];
+    }
+    sums.power += power;
+    const double x = reference[i] + displacement[i];
+    const double y = reference[i + 1] + displacement[i + 1];
+    sums.moment += x * force[i + 1] - y * force[i];
+  }
+  std::copy(total.begin(), total.end(), sums.force.begin());
+  return sums;
+}
+
+}  // namespace
 
 v1::NodalForces consistent_nodal_forces(const v1::WetSurface& surface, std::span<const double> displacement,
                                         const v1::WetSurfacePressures& load) {
@@ -47,19 +75,8 @@ v1::NodalForces consistent_nodal_forces(const v1::WetSurface& surface, std::span
 
 LoadSums sum_load(const v1::WetSurface& surface, std::span<const double> displacement,
                   std::span<const double> velocity, std::span<const double> force) {
-  const std::size_t dimension = surface.dimension();
-  const auto& reference = surface.reference_positions();
-  LoadSums sums;
-  for (std::size_t i = 0; i < force.size(); i += dimension) {
-    for (std::size_t axis = 0; axis < dimension; ++axis) {
-      sums.force[axis] += force[i + axis];
-      if (!velocity.empty()) sums.power += force[i + axis] * velocity[i + axis];
-    }
-    const double x = reference[static_cast<int>(i)] + displacement[i];
-    const double y = reference[static_cast<int>(i + 1)] + displacement[i + 1];
-    sums.moment += x * force[i + 1] - y * force[i];
-  }
-  return sums;
+  return surface.dimension() == 3 ? sum_load_in<3>(surface, displacement, velocity, force)
+                                  : sum_load_in<2>(surface, displacement, velocity, force);
 }
 
 }  // namespace estuary::coupler

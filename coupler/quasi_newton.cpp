@@ -12,22 +12,14 @@ namespace {
 // Changes below this share of the answer are rounding.
 constexpr double round_off = 1e-11;
 
+// In several sums at a time: one alone waits for each addition, which takes longer than a pass over a column.
 double norm_of(std::span<const double> values) {
-  double sum = 0;
-  for (const double value : values) sum += value * value;
-  return std::sqrt(sum);
+  return Eigen::Map<const Eigen::VectorXd>(values.data(), static_cast<Eigen::Index>(values.size())).norm();
 }
 
-std::vector<double> difference(std::span<const double> a, std::span<const double> b) {
-  std::vector<double> result(a.size());
-  for (std::size_t i = 0; i < a.size(); ++i) result[i] = a[i] - b[i];
-  return result;
-}
-
-std::vector<double> answer_of(std::span<const double> residual, std::span<const double> iterate) {
-  std::vector<double> answer(iterate.begin(), iterate.end());
-  for (std::size_t i = 0; i < answer.size(); ++i) answer[i] += residual[i];
-  return answer;
+// `before` becomes its change to `now`.
+void to_change(std::vector<double>& before, std::span<const double> now) {
+  for (std::size_t i = 0; i < now.size(); ++i) before[i] = now[i] - before[i];
 }
 
 // `answer` + W c, less what is not wanted of the residual's part outside V, which is minus `right`.
@@ -105,9 +97,18 @@ void ColumnPairs::project(std::span<const double> right) {
 
 void ColumnPairs::resize(std::size_t count) {
   while (pairs_.size() > count) {
+    spare_.push_back(std::move(pairs_.back().residual_change));
+    spare_.push_back(std::move(pairs_.back().answer_change));
     pairs_.pop_back();
     for (Pair& pair : pairs_) pair.products.pop_back();
   }
+}
+
+std::vector<double> ColumnPairs::take_spare() {
+  if (spare_.empty()) return {};
+  std::vector<double> memory = std::move(spare_.back());
+  spare_.pop_back();
+  return memory;
 }
 
 double ColumnPairs::product(std::size_t newer, std::size_t older, const std::vector<double>& weights) const {
@@ -190,17 +191,28 @@ std::size_t ColumnPairs::apply(std::span<double> right, std::span<double> answer
   return chosen.size();
 }
 
-// `sum` += columns times factors. Piece by piece, so that what is added to stays in the cache while the
-// columns, which are many times longer than any cache, come from memory once.
+// `sum` += columns times factors, in the order of the columns. Piece by piece, so that what is added to stays
+// in the cache while the columns, which are many times longer than any cache, come from memory once; four at
+// a time, so that several are under way.
 void ColumnPairs::add_columns(const std::vector<std::size_t>& chosen, const Eigen::VectorXd& factors,
                               std::vector<double> Pair::*column, std::span<double> sum) const {
-  constexpr std::size_t piece = 1024;
+  constexpr std::size_t piece = 4096;
   for (std::size_t begin = 0; begin < sum.size(); begin += piece) {
     const std::size_t length = std::min(piece, sum.size() - begin);
-    for (std::size_t k = 0; k < chosen.size(); ++k) {
-      const double factor = factors[static_cast<Eigen::Index>(k)];
-      const double* values = (pairs_[chosen[k]].*column).data() + begin;
-      for (std::size_t i = 0; i < length; ++i) sum[begin + i] += factor * values[i];
+    double* part = sum.data() + begin;
+    const auto factor = [&](std::size_t k) { return factors[static_cast<Eigen::Index>(k)]; };
+    const auto values = [&](std::size_t k) { return (pairs_[chosen[k]].*column).data() + begin; };
+    std::size_t k = 0;
+    for (; k + 4 <= chosen.size(); k += 4) {
+      const double f0 = factor(k), f1 = factor(k + 1), f2 = factor(k + 2), f3 = factor(k + 3);
+      const double *v0 = values(k), *v1 = values(k + 1), *v2 = values(k + 2), *v3 = values(k + 3);
+      for (std::size_t i = 0; i < length; ++i)
+        part[i] = (((part[i] + f0 * v0[i]) + f1 * v1[i]) + f2 * v2[i]) + f3 * v3[i];
+    }
+    for (; k < chosen.size(); ++k) {
+      const double f = factor(k);
+      const double* v = values(k);
+      for (std::size_t i = 0; i < length; ++i) part[i] += f * v[i];
     }
   }
 }
@@ -253,22 +265,30 @@ void QuasiNewton::update(std::span<const double> residual, std::span<double> ite
     if (problem.count() > 0 && problem.fields() != fields)
       throw std::runtime_error("what the acceleration has learnt belongs to another wet surface");
   }
-  std::vector<double> answer = answer_of(residual, iterate);
-  std::vector<double> right(residual.size());
-  for (std::size_t i = 0; i < right.size(); ++i) right[i] = -residual[i];
+  // The memory of these and of columns that were dropped is used again: vectors as long as the wet surface
+  // would otherwise be asked of the system and given back at each iteration.
+  answer_.resize(residual.size());
+  right_.resize(residual.size());
+  for (std::size_t i = 0; i < residual.size(); ++i) {
+    answer_[i] = iterate[i] + residual[i];
+    right_[i] = -residual[i];
+  }
   if (!last_residual_.empty()) {
-    problems_.front().push_front(difference(residual, last_residual_), difference(answer, last_answer_),
-                                 right);
+    to_change(last_residual_, residual);
+    to_change(last_answer_, answer_);
+    problems_.front().push_front(std::move(last_residual_), std::move(last_answer_), right_);
+    last_residual_ = problems_.front().take_spare();
+    last_answer_ = problems_.front().take_spare();
   }
   last_residual_.assign(residual.begin(), residual.end());
-  last_answer_ = answer;
+  last_answer_.assign(answer_.begin(), answer_.end());
   weights_.add(residual);
 
   const double smallest = round_off * norm_of(last_answer_);
   columns_used_ = 0;
   for (ColumnPairs& problem : problems_) {
     const bool last = &problem == &problems_.back() && settings_.remainder == 1;
-    columns_used_ += problem.apply(right, answer, weights_.weights(), settings_, smallest,
+    columns_used_ += problem.apply(right_, answer_, weights_.weights(), settings_, smallest,
                                    last ? ColumnPairs::Rest::unused : ColumnPairs::Rest::needed);
   }
   if (columns_used_ == 0) {
@@ -277,7 +297,7 @@ void QuasiNewton::update(std::span<const double> residual, std::span<double> ite
     return;
   }
   factor_ = 1;
-  take_step(answer, right, settings_.remainder, iterate);
+  take_step(answer_, right_, settings_.remainder, iterate);
 }
 
 void QuasiNewton::save(StateWriter& state) const {

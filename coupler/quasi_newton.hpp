@@ -59,6 +59,8 @@ public:
                   std::span<const double> right);
   /// Drops the oldest.
   void resize(std::size_t count);
+  /// The memory of a column that was dropped; an empty vector when there is none.
+  [[nodiscard]] std::vector<double> take_spare();
   [[nodiscard]] std::size_t count() const { return pairs_.size(); }
   [[nodiscard]] const std::vector<std::size_t>& fields() const { return fields_; }
 
@@ -95,6 +97,7 @@ private:
 
   std::vector<std::size_t> fields_;
   std::deque<Pair> pairs_;
+  std::vector<std::vector<double>> spare_;
   bool projected_ = false;  // the projections are those of what comes next
 };
 
@@ -122,6 +125,7 @@ private:
   ResidualSum weights_;
   std::vector<double> last_residual_;
   std::vector<double> last_answer_;
+  std::vector<double> answer_, right_;  // of the iteration under way
 };
 
 /// IQN-ILS: one least-squares problem over the columns of this window and of the last `windows_reused`.
