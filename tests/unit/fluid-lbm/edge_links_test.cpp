@@ -101,6 +101,40 @@ TEST(EdgeLinks, SmoothOutlinesHaveNone) {
   EXPECT_EQ(links.count(), 0U);
 }
 
+// Share by which the links to a row of nodes close at `distance` [spacings] from a wall, by the force on
+// them in a stream along it: the force's other factors are the same but for the rule's 1 / (2 q).
+double share_closed(double distance, double relaxation_time) {
+  const Grid grid{12, 10, 1.0, 0.0, 0.0, false, false};
+  Populations populations(12, 10);
+  Fields fields;
+  fields.velocity_x.assign(120, 0.03);
+  fields.velocity_y.assign(120, 0.0);
+  fields.excess.assign(120, 0.0);
+  set_equilibrium(populations, fields, FlowSettings().equilibrium);
+  Surface surface(grid, 4, {0, 1, 1, 2, 2, 3, 3, 0});
+  const double wall = 4 - distance;
+  surface.place(std::vector<double>{-30, -30, -30, wall, 42, wall, 42, -30}, std::vector<double>(8, 0.0), 0);
+  Cells cells(grid);
+  std::vector<Node> uncovered;
+  for (int y = 0; y < 4; ++y) cells.set_solid(y, cell_wet_solid, {{0, 12}}, uncovered);
+  EdgeLinks links(EdgeLinks::Extent::everywhere, relaxation_time);
+  links.build(surface, cells, populations);
+  EXPECT_EQ(links.count(), 12U + 2 * 11U);  // down and both diagonals
+  links.close(populations, Parity::odd, false);
+  // Each diagonal's populations differ by 6 w u, w = 1/36, at equilibrium.
+  const double full = 22 * 6 * 0.03 / 36;
+  return links.force().x * 2 * (1 + distance) / full;
+}
+
+TEST(EdgeLinks, SmallSharesCloseLessTheSmallerTheViscosity) {
+  // Noble and Torczynski's form, with c = 1 / (tau - 1/2) - 1 between 0 and 4.
+  for (const auto& [tau, c] :
+       {std::array{3.0, 0.0}, {1.5, 0.0}, {1.0, 1.0}, {0.9, 1.5}, {0.7, 4.0}, {0.55, 4.0}}) {
+    for (const double b : {0.01, 0.25, 0.5, 0.8, 1.0})
+      EXPECT_NEAR(share_closed(1 - b, tau), b / (1 + (1 - b) * c), 1e-9) << "b " << b << ", tau " << tau;
+  }
+}
+
 // At an edge of a plate in uniform motion nothing may be disturbed: fluid and body move together.
 TEST(EdgeLinks, KeepUniformMotion) {
   FlowSettings settings = cases::box(40, 40, 0.1, cases::all_periodic);
