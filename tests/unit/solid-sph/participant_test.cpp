@@ -421,15 +421,17 @@ TEST(Steady, DoesNotDependOnTheNumberOfThreads) {
   std::vector<std::string> outputs;
   for (const int threads : {1, 3}) {
     omp_set_num_threads(threads);
-    Running run(steady_fin());
+    Running run(replaced(steady_fin(), "particles_across = 4", "particles_across = 17"));
+    ASSERT_EQ(run.plan.derived.front().first, "particles");
+    ASSERT_GT(std::stoi(run.plan.derived.front().second), 1024);  // threads share the sweeps only above this
     outputs.push_back(run.equilibrium(0.05).outputs.SerializeAsString());
   }
   omp_set_num_threads(1);
   EXPECT_EQ(outputs[0], outputs[1]);
 }
 
-// A beam five times as long as thick, bent by seven tenths of its length. Of its equilibria the one that a full
-// step of the load leads to is unstable, with a folded corner and a tip 1.5 % too far.
+// A beam five times as long as thick, bent by seven tenths of its length. Of its equilibria the one that a
+// full step of the load leads to is unstable, with a folded corner and a tip 1.5 % too far.
 TEST(Steady, FindsTheStableEquilibriumBesideAnUnstableOne) {
   Running run(R"(
 title = "thick"
