@@ -7,6 +7,7 @@
 
 #include "internal_force.hpp"
 #include "kernel_function.hpp"
+#include "on_team.hpp"
 
 namespace estuary::solid {
 namespace {
@@ -78,76 +79,78 @@ std::int64_t Fluid::measure_variant(const double* x, const double* v, double tim
   const double* diameter = diameter_.data();
   std::int64_t bad = 0;
   double* fresh = fresh_density_.data();  // neighbours read the density at the step's start
-#pragma omp parallel for schedule(static) reduction(+ : bad) if (n > kSerialBelow)
-  for (std::size_t i = 0; i < n; ++i) {
-    const double xi = x[2 * i], yi = x[2 * i + 1], vx = v[2 * i], vy = v[2 * i + 1], rho = density[i];
-    double hxx = 0, hxy = 0, hyy = 0, lxx = 0, lxy = 0, lyx = 0, lyy = 0, gx = 0, gy = 0;
-    for (std::uint32_t k = first[i]; k < first[i + 1]; ++k) {
-      const std::uint32_t j = neighbour[k];
-      const double dx = x[2 * j] - xi, dy = x[2 * j + 1] - yi, r2 = dx * dx + dy * dy;
-      double inverse = constant_inverse, inverse4 = constant_inverse4, limit = support2;
-      if constexpr (Variable) {
-        const double h = 0.5 * ratio * (diameter[i] + diameter[j]);
-        limit = 4 * h * h;
+  on_team(n > kSerialBelow, [&] {
+#pragma omp for schedule(static) reduction(+ : bad) nowait
+    for (std::size_t i = 0; i < n; ++i) {
+      const double xi = x[2 * i], yi = x[2 * i + 1], vx = v[2 * i], vy = v[2 * i + 1], rho = density[i];
+      double hxx = 0, hxy = 0, hyy = 0, lxx = 0, lxy = 0, lyx = 0, lyy = 0, gx = 0, gy = 0;
+      for (std::uint32_t k = first[i]; k < first[i + 1]; ++k) {
+        const std::uint32_t j = neighbour[k];
+        const double dx = x[2 * j] - xi, dy = x[2 * j + 1] - yi, r2 = dx * dx + dy * dy;
+        double inverse = constant_inverse, inverse4 = constant_inverse4, limit = support2;
+        if constexpr (Variable) {
+          const double h = 0.5 * ratio * (diameter[i] + diameter[j]);
+          limit = 4 * h * h;
+        }
+        if (!(r2 < limit) || !(r2 > 0)) {
+          weight_[k] = 0;
+          continue;
+        }
+        if constexpr (Variable) {
+          inverse = 2 / (ratio * (diameter[i] + diameter[j]));
+          inverse4 = inverse * inverse * inverse * inverse;
+        }
+        const double w = slope_over_distance(std::sqrt(r2) * inverse, inverse4);
+        weight_[k] = w;
+        const double wx = w * dx, wy = w * dy, ux = v[2 * j] - vx, uy = v[2 * j + 1] - vy;
+        hxx += wx * dx;
+        hxy += wx * dy;
+        hyy += wy * dy;
+        lxx += ux * wx;
+        lxy += ux * wy;
+        lyx += uy * wx;
+        lyy += uy * wy;
+        const double step = density[j] - rho;
+        gx += step * wx;
+        gy += step * wy;
       }
-      if (!(r2 < limit) || !(r2 > 0)) {
-        weight_[k] = 0;
-        continue;
+      const double mean = 0.5 * (hxx + hyy), spread = std::hypot(0.5 * (hxx - hyy), hxy);
+      const double least = kLeastSupport * reference_ / (diameter[i] * diameter[i]);
+      const double more = std::max(0.0, least - (mean - spread));
+      hxx += more;
+      hyy += more;
+      const double d = 1 / (hxx * hyy - hxy * hxy), ixx = d * hyy, ixy = -d * hxy, iyy = d * hxx;
+      const double axx = lxx * ixx + lxy * ixy, axy = lxx * ixy + lxy * iyy, ayx = lyx * ixx + lyy * ixy,
+                   ayy = lyx * ixy + lyy * iyy;
+      density_gradient_[2 * i] = gx * ixx + gy * ixy;
+      density_gradient_[2 * i + 1] = gx * ixy + gy * iyy;
+      const FluidMaterial& material = settings_.materials[member_[i]];
+      const double change = (1 - time_step * axx) * (1 - time_step * ayy) - time_step * time_step * axy * ayx;
+      const double moved = std::max(rho * change, kLeastDensity * material.density);
+      const double now =
+          diffusive_ ? std::max(moved + time_step * diffusion_rate_[i], kLeastDensity * material.density)
+                     : moved;
+      if (diffusive_) lost_[i] = mass_[i] * (material.energy(moved) - material.energy(now));
+      fresh[i] = now;
+      const double p = material.pressure(now), volume = mass_[i] / now;
+      double* t = &stress_[4 * i];
+      t[0] = -volume * p * ixx;
+      t[1] = t[2] = -volume * p * ixy;
+      t[3] = -volume * p * iyy;
+      if (riemann_) support_[i] = 0.5 * volume * (ixx + iyy);
+      if (viscous_) {
+        const double m = volume * material.viscosity, sxx = 2 * m * axx, sxy = m * (axy + ayx),
+                     syy = 2 * m * ayy;
+        double* s = &viscous_stress_[4 * i];
+        s[0] = sxx * ixx + sxy * ixy;
+        s[1] = sxx * ixy + sxy * iyy;
+        s[2] = sxy * ixx + syy * ixy;
+        s[3] = sxy * ixy + syy * iyy;
       }
-      if constexpr (Variable) {
-        inverse = 2 / (ratio * (diameter[i] + diameter[j]));
-        inverse4 = inverse * inverse * inverse * inverse;
-      }
-      const double w = slope_over_distance(std::sqrt(r2) * inverse, inverse4);
-      weight_[k] = w;
-      const double wx = w * dx, wy = w * dy, ux = v[2 * j] - vx, uy = v[2 * j + 1] - vy;
-      hxx += wx * dx;
-      hxy += wx * dy;
-      hyy += wy * dy;
-      lxx += ux * wx;
-      lxy += ux * wy;
-      lyx += uy * wx;
-      lyy += uy * wy;
-      const double step = density[j] - rho;
-      gx += step * wx;
-      gy += step * wy;
+      // Written so that a NaN counts as bad.
+      if (!(std::isfinite(p + axx + ayy + xi + yi) && change > 0)) ++bad;
     }
-    const double mean = 0.5 * (hxx + hyy), spread = std::hypot(0.5 * (hxx - hyy), hxy);
-    const double least = kLeastSupport * reference_ / (diameter[i] * diameter[i]);
-    const double more = std::max(0.0, least - (mean - spread));
-    hxx += more;
-    hyy += more;
-    const double d = 1 / (hxx * hyy - hxy * hxy), ixx = d * hyy, ixy = -d * hxy, iyy = d * hxx;
-    const double axx = lxx * ixx + lxy * ixy, axy = lxx * ixy + lxy * iyy, ayx = lyx * ixx + lyy * ixy,
-                 ayy = lyx * ixy + lyy * iyy;
-    density_gradient_[2 * i] = gx * ixx + gy * ixy;
-    density_gradient_[2 * i + 1] = gx * ixy + gy * iyy;
-    const FluidMaterial& material = settings_.materials[member_[i]];
-    const double change = (1 - time_step * axx) * (1 - time_step * ayy) - time_step * time_step * axy * ayx;
-    const double moved = std::max(rho * change, kLeastDensity * material.density);
-    const double now =
-        diffusive_ ? std::max(moved + time_step * diffusion_rate_[i], kLeastDensity * material.density)
-                   : moved;
-    if (diffusive_) lost_[i] = mass_[i] * (material.energy(moved) - material.energy(now));
-    fresh[i] = now;
-    const double p = material.pressure(now), volume = mass_[i] / now;
-    double* t = &stress_[4 * i];
-    t[0] = -volume * p * ixx;
-    t[1] = t[2] = -volume * p * ixy;
-    t[3] = -volume * p * iyy;
-    if (riemann_) support_[i] = 0.5 * volume * (ixx + iyy);
-    if (viscous_) {
-      const double m = volume * material.viscosity, sxx = 2 * m * axx, sxy = m * (axy + ayx),
-                   syy = 2 * m * ayy;
-      double* s = &viscous_stress_[4 * i];
-      s[0] = sxx * ixx + sxy * ixy;
-      s[1] = sxx * ixy + sxy * iyy;
-      s[2] = sxy * ixx + syy * ixy;
-      s[3] = sxy * ixy + syy * iyy;
-    }
-    // Written so that a NaN counts as bad.
-    if (!(std::isfinite(p + axx + ayy + xi + yi) && change > 0)) ++bad;
-  }
+  });
   return bad;
 }
 
@@ -190,59 +193,61 @@ void Fluid::find_forces_variant(const double* x, const double* v, std::span<cons
   const std::uint32_t* neighbour = neighbours_.neighbour().data();
   const double h = settings_.smoothing_ratio * settings_.spacing;
   const bool dissipative = dissipative_, diffusive = diffusive_, viscous = viscous_;
-#pragma omp parallel for schedule(static) if (n > kSerialBelow)
-  for (std::size_t i = 0; i < n; ++i) {
-    const double xi = x[2 * i], yi = x[2 * i + 1], vx = v[2 * i], vy = v[2 * i + 1];
-    const double* ti = &stress_[4 * i];
-    const FluidMaterial& material = settings_.materials[member_[i]];
-    const double c = material.sound_speed;
-    const Dissipation* with = &dissipation_[settings_.materials.size() * member_[i]];
-    double fx = 0, fy = 0, qx = 0, qy = 0, rate = 0;
-    for (std::uint32_t k = first[i]; k < first[i + 1]; ++k) {
-      const double w = weight_[k];
-      if (w == 0) continue;
-      const std::uint32_t j = neighbour[k];
-      const double dx = x[2 * j] - xi, dy = x[2 * j + 1] - yi;
-      const double* tj = &stress_[4 * j];
-      fx += w * ((ti[0] + tj[0]) * dx + (ti[1] + tj[1]) * dy);
-      fy += w * ((ti[2] + tj[2]) * dx + (ti[3] + tj[3]) * dy);
-      if (viscous) {
-        const double *si = &viscous_stress_[4 * i], *sj = &viscous_stress_[4 * j];
-        qx += w * ((si[0] + sj[0]) * dx + (si[1] + sj[1]) * dy);
-        qy += w * ((si[2] + sj[2]) * dx + (si[3] + sj[3]) * dy);
-      }
-      if (dissipative) {
-        const double approach = (v[2 * j] - vx) * dx + (v[2 * j + 1] - vy) * dy;
-        const Dissipation& pair = with[member_[j]];
-        if (Riemann && approach < 0 && pair.riemann) {
-          const double r2 = dx * dx + dy * dy, speed = -approach / std::sqrt(r2);
-          const double push = 0.25 * w * (support_[i] + support_[j]) * (density[i] + density[j]) *
-                              std::min(pair.limiter * speed, pair.sound_speed) * speed;
-          qx -= push * dx;
-          qy -= push * dy;
-        } else if (approach < 0) {
-          const double mu = approach / (dx * dx + dy * dy + 0.1 * h * h);
-          const double push = w * mass_[i] * mass_[j] * 2 * (-pair.linear * mu + pair.quadratic * mu * mu) /
-                              (density[i] + density[j]);
-          qx -= push * dx;
-          qy -= push * dy;
+  on_team(n > kSerialBelow, [&] {
+#pragma omp for schedule(static) nowait
+    for (std::size_t i = 0; i < n; ++i) {
+      const double xi = x[2 * i], yi = x[2 * i + 1], vx = v[2 * i], vy = v[2 * i + 1];
+      const double* ti = &stress_[4 * i];
+      const FluidMaterial& material = settings_.materials[member_[i]];
+      const double c = material.sound_speed;
+      const Dissipation* with = &dissipation_[settings_.materials.size() * member_[i]];
+      double fx = 0, fy = 0, qx = 0, qy = 0, rate = 0;
+      for (std::uint32_t k = first[i]; k < first[i + 1]; ++k) {
+        const double w = weight_[k];
+        if (w == 0) continue;
+        const std::uint32_t j = neighbour[k];
+        const double dx = x[2 * j] - xi, dy = x[2 * j + 1] - yi;
+        const double* tj = &stress_[4 * j];
+        fx += w * ((ti[0] + tj[0]) * dx + (ti[1] + tj[1]) * dy);
+        fy += w * ((ti[2] + tj[2]) * dx + (ti[3] + tj[3]) * dy);
+        if (viscous) {
+          const double *si = &viscous_stress_[4 * i], *sj = &viscous_stress_[4 * j];
+          qx += w * ((si[0] + sj[0]) * dx + (si[1] + sj[1]) * dy);
+          qy += w * ((si[2] + sj[2]) * dx + (si[3] + sj[3]) * dy);
+        }
+        if (dissipative) {
+          const double approach = (v[2 * j] - vx) * dx + (v[2 * j + 1] - vy) * dy;
+          const Dissipation& pair = with[member_[j]];
+          if (Riemann && approach < 0 && pair.riemann) {
+            const double r2 = dx * dx + dy * dy, speed = -approach / std::sqrt(r2);
+            const double push = 0.25 * w * (support_[i] + support_[j]) * (density[i] + density[j]) *
+                                std::min(pair.limiter * speed, pair.sound_speed) * speed;
+            qx -= push * dx;
+            qy -= push * dy;
+          } else if (approach < 0) {
+            const double mu = approach / (dx * dx + dy * dy + 0.1 * h * h);
+            const double push = w * mass_[i] * mass_[j] * 2 * (-pair.linear * mu + pair.quadratic * mu * mu) /
+                                (density[i] + density[j]);
+            qx -= push * dx;
+            qy -= push * dy;
+          }
+        }
+        if (diffusive && member_[i] == member_[j]) {
+          const double gx = density_gradient_[2 * i] + density_gradient_[2 * j],
+                       gy = density_gradient_[2 * i + 1] + density_gradient_[2 * j + 1];
+          // The Riemann problem's diffusion is as wide as the pair.
+          const double width = Riemann && material.riemann ? std::sqrt(dx * dx + dy * dy) : 1.0;
+          rate += w * width * mass_[j] / density[j] * (density[j] - density[i] - 0.5 * (gx * dx + gy * dy));
         }
       }
-      if (diffusive && member_[i] == member_[j]) {
-        const double gx = density_gradient_[2 * i] + density_gradient_[2 * j],
-                     gy = density_gradient_[2 * i + 1] + density_gradient_[2 * j + 1];
-        // The Riemann problem's diffusion is as wide as the pair.
-        const double width = Riemann && material.riemann ? std::sqrt(dx * dx + dy * dy) : 1.0;
-        rate += w * width * mass_[j] / density[j] * (density[j] - density[i] - 0.5 * (gx * dx + gy * dy));
-      }
+      force_[2 * i] = fx + qx;
+      force_[2 * i + 1] = fy + qy;
+      viscous_force_[2 * i] = qx;
+      viscous_force_[2 * i + 1] = qy;
+      if (diffusive)
+        diffusion_rate_[i] = Riemann && material.riemann ? c * rate : 2 * material.diffusion * h * c * rate;
     }
-    force_[2 * i] = fx + qx;
-    force_[2 * i + 1] = fy + qy;
-    viscous_force_[2 * i] = qx;
-    viscous_force_[2 * i + 1] = qy;
-    if (diffusive)
-      diffusion_rate_[i] = Riemann && material.riemann ? c * rate : 2 * material.diffusion * h * c * rate;
-  }
+  });
 }
 
 double Fluid::energy(std::span<const double> density) const {

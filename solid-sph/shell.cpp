@@ -5,6 +5,7 @@
 #include <limits>
 
 #include "guide.hpp"
+#include "on_team.hpp"
 
 namespace estuary::solid {
 namespace {
@@ -113,16 +114,18 @@ void ShellSolver::advance(State& state, const Loading& given, double duration, s
     const double time = start + fraction * duration;
     const double middle = (static_cast<double>(step) - 0.5) / static_cast<double>(steps);
     const auto kick = [&](bool ends) {
-#pragma omp parallel for schedule(static) if (n > kSerialBelow)
-      for (std::size_t i = 0; i < n; ++i)
-        for (std::size_t c = 0; c < 2; ++c) {
-          if (body_.holds(i, c) || loading.held[c]) continue;
-          double& v = state.velocity[2 * i + c];
-          const double a = 0.5 * dt * fields_.force[2 * i + c] / body_.mass[i];
-          v = ends ? gain * (v + a) : decay * v + a;
-          if (!ends) state.displacement[2 * i + c] += dt * v;
-          if (!ends && !foreseen.empty()) foreseen[2 * i + c] = v + a;
-        }
+      on_team(n > kSerialBelow, [&] {
+#pragma omp for schedule(static) nowait
+        for (std::size_t i = 0; i < n; ++i)
+          for (std::size_t c = 0; c < 2; ++c) {
+            if (body_.holds(i, c) || loading.held[c]) continue;
+            double& v = state.velocity[2 * i + c];
+            const double a = 0.5 * dt * fields_.force[2 * i + c] / body_.mass[i];
+            v = ends ? gain * (v + a) : decay * v + a;
+            if (!ends) state.displacement[2 * i + c] += dt * v;
+            if (!ends && !foreseen.empty()) foreseen[2 * i + c] = v + a;
+          }
+      });
       row_.turn(history_, dt, decay, gain, ends);
     };
     kick(false);

@@ -4,6 +4,8 @@
 #include <cmath>
 #include <limits>
 
+#include "on_team.hpp"
+
 namespace estuary::solid {
 namespace {
 
@@ -186,21 +188,27 @@ void ShellRow::gather(std::span<const double> displacement, std::size_t i, Field
 std::int64_t ShellRow::evaluate(std::span<const double> displacement, std::span<double> history, bool commit,
                                 Fields& fields, std::span<const double> velocity) {
   const std::size_t count = links_.size(), n = size();
-#pragma omp parallel for schedule(static) if (n > kSerialBelow)
-  for (std::size_t i = 0; i < n; ++i) fibre_[i] = normal_of(fibre_angle_[i] + history[2 * i]);
+  on_team(n > kSerialBelow, [&] {
+#pragma omp for schedule(static) nowait
+    for (std::size_t i = 0; i < n; ++i) fibre_[i] = normal_of(fibre_angle_[i] + history[2 * i]);
+  });
   std::int64_t bad = 0, folded = 0;
-#pragma omp parallel for schedule(static) reduction(+ : folded) if (n > kSerialBelow)
-  for (std::size_t l = 0; l < count; ++l) {
-    pull(displacement, history, commit, l, velocity);
-    if (at_[l].folded) ++folded;
-  }
+  on_team(n > kSerialBelow, [&] {
+#pragma omp for schedule(static) reduction(+ : folded) nowait
+    for (std::size_t l = 0; l < count; ++l) {
+      pull(displacement, history, commit, l, velocity);
+      if (at_[l].folded) ++folded;
+    }
+  });
   folded_ = folded;
-#pragma omp parallel for schedule(static) reduction(+ : bad) if (n > kSerialBelow)
-  for (std::size_t i = 0; i < n; ++i) {
-    gather(displacement, i, fields);
-    const std::size_t p = particle_[i];
-    if (!std::isfinite(fields.force[2 * p] + fields.force[2 * p + 1] + moment_[i])) ++bad;
-  }
+  on_team(n > kSerialBelow, [&] {
+#pragma omp for schedule(static) reduction(+ : bad) nowait
+    for (std::size_t i = 0; i < n; ++i) {
+      gather(displacement, i, fields);
+      const std::size_t p = particle_[i];
+      if (!std::isfinite(fields.force[2 * p] + fields.force[2 * p + 1] + moment_[i])) ++bad;
+    }
+  });
   return bad;
 }
 
@@ -261,15 +269,17 @@ std::array<std::array<double, 2>, 2> ShellRow::fibre_motion(std::uint32_t partic
 
 void ShellRow::turn(std::span<double> history, double dt, double decay, double gain, bool ends) {
   const std::size_t n = size();
-#pragma omp parallel for schedule(static) if (n > kSerialBelow)
-  for (std::size_t i = 0; i < n; ++i) {
-    if (!turns(i)) continue;
-    const double kick = 0.5 * dt * moment_[i] / inertia_[i];
-    double& rate = history[2 * i + 1];
-    rate = ends ? gain * (rate + kick) : decay * rate + kick;
-    if (!ends) history[2 * i] += dt * rate;
-    if (viscous_) rate_[i] = ends ? rate : rate + kick;
-  }
+  on_team(n > kSerialBelow, [&] {
+#pragma omp for schedule(static) nowait
+    for (std::size_t i = 0; i < n; ++i) {
+      if (!turns(i)) continue;
+      const double kick = 0.5 * dt * moment_[i] / inertia_[i];
+      double& rate = history[2 * i + 1];
+      rate = ends ? gain * (rate + kick) : decay * rate + kick;
+      if (!ends) history[2 * i] += dt * rate;
+      if (viscous_) rate_[i] = ends ? rate : rate + kick;
+    }
+  });
 }
 
 double ShellRow::kinetic_energy(std::span<const double> history) const {
