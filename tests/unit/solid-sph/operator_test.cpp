@@ -287,7 +287,12 @@ TEST(Operator, NumberOfThreadsDoesNotChangeABit) {
   made->solver->evaluate(u);
   const auto force = made->solver->fields().force;
   const double energy = made->solver->energy(u);
+  auto broken = u;
+  broken[made->body.size()] = std::nan("");
+  const auto bad = made->solver->evaluate(broken);
+  EXPECT_GT(bad, 1);
   omp_set_num_threads(3);
+  EXPECT_EQ(made->solver->evaluate(broken), bad);
   made->solver->evaluate(u);
   EXPECT_EQ(made->solver->fields().force, force);
   EXPECT_EQ(made->solver->energy(u), energy);
