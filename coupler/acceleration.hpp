@@ -38,15 +38,6 @@ public:
   /// What was learnt, between two windows, so that an object of the same settings goes on bit for bit.
   virtual void save(StateWriter& state) const = 0;
   virtual void load(StateReader& state) = 0;
-
-  /// Room for what is handed to `update`, kept from one iteration to the next.
-  struct Vectors {
-    std::vector<double> iterate, residual;
-  };
-  [[nodiscard]] Vectors& vectors() { return vectors_; }
-
-private:
-  Vectors vectors_;
 };
 
 /// x <- x + factor r.

@@ -298,7 +298,8 @@ void CouplingLoop::iterate(InterfaceState& x) {
     acceleration_->forget();
     verdict_ = Verdict::go_on;
   } else if (verdict_ == Verdict::go_on && scene_.implicit()) {
-    accelerate(*acceleration_, x, answer, clock_.span().duration, !steady(), scene_.parallel());
+    accelerate(*acceleration_, x, answer, clock_.span().duration, !steady(), scene_.parallel(),
+               acceleration_vectors_);
     row.relaxation = acceleration_->relaxation();
   }
   last_ = std::move(answer);

@@ -85,6 +85,7 @@ private:
   Partners partners_;
   WindowClock clock_;
   std::unique_ptr<Acceleration> acceleration_;
+  AccelerationVectors acceleration_vectors_;
   std::unique_ptr<Convergence> convergence_;  // once the surface is known
   InterfaceHistory history_;
   InterfaceState last_;               // the last answer

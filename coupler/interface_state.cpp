@@ -1,5 +1,7 @@
 #include "interface_state.hpp"
 
+#include <stdexcept>
+
 namespace estuary::coupler {
 
 InterfaceState predict(Predictor predictor, const InterfaceHistory& history, double duration) {
@@ -17,14 +19,15 @@ InterfaceState predict(Predictor predictor, const InterfaceHistory& history, dou
 }
 
 void accelerate(Acceleration& acceleration, InterfaceState& x, const InterfaceState& answer, double duration,
-                bool moves, bool with_forces) {
-  const std::size_t size = answer.motion.displacement.size() + (moves ? answer.motion.velocity.size() : 0) +
-                           (with_forces ? answer.forces.size() : 0);
-  auto& [iterate, residual] = acceleration.vectors();
+                bool moves, bool with_forces, AccelerationVectors& vectors) {
+  auto& [iterate, residual] = vectors;
+  const std::size_t size = x.motion.displacement.size() + (moves ? x.motion.velocity.size() : 0) +
+                           (with_forces ? x.forces.size() : 0);
   iterate.resize(size);
   residual.resize(size);
   std::size_t taken = 0;
   const auto take = [&](const std::vector<double>& from, const std::vector<double>& to, double scale) {
+    if (to.size() != from.size()) throw std::logic_error("the answer has another length than the iterate");
     double *value = iterate.data() + taken, *change = residual.data() + taken;
     for (std::size_t i = 0; i < from.size(); ++i) {
       value[i] = scale * from[i];

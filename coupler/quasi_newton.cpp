@@ -95,20 +95,13 @@ void ColumnPairs::project(std::span<const double> right) {
   for (Pair& pair : pairs_) multiply<1>(pair.residual_change, {right}, {&pair.projection});
 }
 
-void ColumnPairs::resize(std::size_t count) {
+void ColumnPairs::resize(std::size_t count, std::vector<std::vector<double>>& spare) {
   while (pairs_.size() > count) {
-    spare_.push_back(std::move(pairs_.back().residual_change));
-    spare_.push_back(std::move(pairs_.back().answer_change));
+    spare.push_back(std::move(pairs_.back().residual_change));
+    spare.push_back(std::move(pairs_.back().answer_change));
     pairs_.pop_back();
     for (Pair& pair : pairs_) pair.products.pop_back();
   }
-}
-
-std::vector<double> ColumnPairs::take_spare() {
-  if (spare_.empty()) return {};
-  std::vector<double> memory = std::move(spare_.back());
-  spare_.pop_back();
-  return memory;
 }
 
 double ColumnPairs::product(std::size_t newer, std::size_t older, const std::vector<double>& weights) const {
@@ -265,8 +258,8 @@ void QuasiNewton::update(std::span<const double> residual, std::span<double> ite
     if (problem.count() > 0 && problem.fields() != fields)
       throw std::runtime_error("what the acceleration has learnt belongs to another wet surface");
   }
-  // The memory of these and of columns that were dropped is used again: vectors as long as the wet surface
-  // would otherwise be asked of the system and given back at each iteration.
+  // Memory is used again, that of dropped columns too: vectors as long as the wet surface would otherwise be
+  // asked of the system and given back at each iteration.
   answer_.resize(residual.size());
   right_.resize(residual.size());
   for (std::size_t i = 0; i < residual.size(); ++i) {
@@ -277,8 +270,11 @@ void QuasiNewton::update(std::span<const double> residual, std::span<double> ite
     to_change(last_residual_, residual);
     to_change(last_answer_, answer_);
     problems_.front().push_front(std::move(last_residual_), std::move(last_answer_), right_);
-    last_residual_ = problems_.front().take_spare();
-    last_answer_ = problems_.front().take_spare();
+    for (std::vector<double>* last : {&last_residual_, &last_answer_}) {
+      if (spare_.empty()) break;
+      *last = std::move(spare_.back());
+      spare_.pop_back();
+    }
   }
   last_residual_.assign(residual.begin(), residual.end());
   last_answer_.assign(answer_.begin(), answer_.end());
@@ -348,7 +344,7 @@ void InterfaceQuasiNewton::begin_window() {
   if (columns > 0) columns_of_window_.push_front(columns);
   while (columns_of_window_.size() > settings_.windows_reused) columns_of_window_.pop_back();
   problems_.front().resize(
-      std::accumulate(columns_of_window_.begin(), columns_of_window_.end(), std::size_t{0}));
+      std::accumulate(columns_of_window_.begin(), columns_of_window_.end(), std::size_t{0}), spare_);
 }
 
 void InterfaceQuasiNewton::forget() {
@@ -360,7 +356,10 @@ void MultiVectorQuasiNewton::begin_window() {
   QuasiNewton::begin_window();
   if (!problems_.empty() && problems_.front().count() > 0)
     problems_.emplace_front(fields_for(settings_.fields, 0));
-  while (problems_.size() > settings_.windows_reused + 1) problems_.pop_back();
+  while (problems_.size() > settings_.windows_reused + 1) {
+    problems_.back().resize(0, spare_);
+    problems_.pop_back();
+  }
 }
 
 }  // namespace estuary::coupler

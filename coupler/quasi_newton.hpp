@@ -57,10 +57,8 @@ public:
   /// `right` is what the next call of `apply` will be given.
   void push_front(std::vector<double> residual_change, std::vector<double> answer_change,
                   std::span<const double> right);
-  /// Drops the oldest.
-  void resize(std::size_t count);
-  /// The memory of a column that was dropped; an empty vector when there is none.
-  [[nodiscard]] std::vector<double> take_spare();
+  /// Drops the oldest. `spare` is given their memory.
+  void resize(std::size_t count, std::vector<std::vector<double>>& spare);
   [[nodiscard]] std::size_t count() const { return pairs_.size(); }
   [[nodiscard]] const std::vector<std::size_t>& fields() const { return fields_; }
 
@@ -97,7 +95,6 @@ private:
 
   std::vector<std::size_t> fields_;
   std::deque<Pair> pairs_;
-  std::vector<std::vector<double>> spare_;
   bool projected_ = false;  // the projections are those of what comes next
 };
 
@@ -117,7 +114,8 @@ public:
 
 protected:
   QuasiNewtonSettings settings_;
-  std::deque<ColumnPairs> problems_;  // newest first
+  std::deque<ColumnPairs> problems_;        // newest first
+  std::vector<std::vector<double>> spare_;  // memory of columns that were dropped
 
 private:
   double factor_;

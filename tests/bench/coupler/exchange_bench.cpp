@@ -107,6 +107,7 @@ void whole_iteration(benchmark::State& state) {
   const auto acceleration = make_acceleration(
       {.kind = AccelerationKind::iqn_ils, .windows_reused = 8, .filter_limit = 1e-6, .fields = {}});
   InterfaceState x = partners.initial();
+  AccelerationVectors vectors;
   Position position{.window = 0, .iteration = 4};
   std::uint64_t number = 1;
   for (auto step : state) {
@@ -122,7 +123,7 @@ void whole_iteration(benchmark::State& state) {
       number = number * 6364136223846793005U + 1442695040888963407U;
       answer.motion.displacement[k] += 1e-3 * (static_cast<double>(number >> 33U) / 2147483648.0 - 1);
     }
-    accelerate(*acceleration, x, answer, scene.window, true, false);
+    accelerate(*acceleration, x, answer, scene.window, true, false, vectors);
   }
   state.counters["columns"] = static_cast<double>(dynamic_cast<QuasiNewton&>(*acceleration).columns());
   participants.stop(1.0);

@@ -32,13 +32,16 @@ TEST(Accelerate, TakesTheVelocityAsTheDisplacementOfOneWindow) {
   ConstantRelaxation half(0.5);
   InterfaceState x{.motion = {.displacement = {1.0}, .velocity = {10.0}}, .forces = {100.0}};
   const InterfaceState answer{.motion = {.displacement = {2.0}, .velocity = {20.0}}, .forces = {300.0}};
-  accelerate(half, x, answer, 0.01, true, false);
+  AccelerationVectors vectors;
+  accelerate(half, x, answer, 0.01, true, false, vectors);
   EXPECT_DOUBLE_EQ(x.motion.displacement[0], 1.5);
   EXPECT_DOUBLE_EQ(x.motion.velocity[0], 15.0);
   EXPECT_EQ(x.forces[0], 100.0);
-  accelerate(half, x, answer, 0.01, false, true);
+  accelerate(half, x, answer, 0.01, false, true, vectors);
   EXPECT_DOUBLE_EQ(x.motion.velocity[0], 15.0);
   EXPECT_DOUBLE_EQ(x.forces[0], 200.0);
+  x.forces.push_back(0.0);
+  EXPECT_THROW(accelerate(half, x, answer, 0.01, false, true, vectors), std::logic_error);
 }
 
 }  // namespace
