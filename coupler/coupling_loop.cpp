@@ -7,6 +7,7 @@
 
 #include "elapsed.hpp"
 #include "watch_integrals.hpp"
+#include "wet_crossing.hpp"
 #include "wet_surface.hpp"
 
 namespace estuary::coupler {
@@ -75,6 +76,7 @@ void CouplingLoop::start() {
   history_.accepted = last_ = partners_.initial();
   convergence_ = std::make_unique<Convergence>(scene_, displacement_scale(partners_.surface()));
   take_care(Care::normal);
+  bodies_can_meet_ = steady() && bodies_can_meet(partners_.surface());
   if (scene_.adaptive_window) clock_.allow_shorter(scene_.smallest_window, partners_.window_granularity());
 }
 
@@ -255,6 +257,7 @@ bool CouplingLoop::iterate_window(InterfaceState& x) {
     bar_.begin(position_);
     iterate(x);
     if (steady()) record_watches(time_of_window());
+    if (bodies_can_meet_) look_for_crossing();
     if (verdict_ == Verdict::converged) return true;
     const double residual = convergence_ ? convergence_->relative(Field::displacement) : 0.0;
     if (verdict_ == Verdict::diverged) {
@@ -305,6 +308,34 @@ void CouplingLoop::iterate(InterfaceState& x) {
   last_ = std::move(answer);
   record_.add(row);
   bar_.residual(row.residual);
+}
+
+// On the way to an equilibrium bodies may pass through each other and come apart again; an equilibrium in
+// which they do is none.
+void CouplingLoop::look_for_crossing() {
+  const bool at_the_end = verdict_ == Verdict::converged;
+  if (warned_of_crossing_ && !at_the_end) return;
+  const auto crossing = find_crossing(partners_.surface(), last_.motion.displacement);
+  if (!crossing) return;
+  const auto& rest = partners_.surface().reference_positions();
+  const auto node = [&](std::size_t k) {
+    const auto n = static_cast<int>(crossing->nodes[k]);
+    return fmt::format("{} (at rest {:.5g}, {:.5g})", n, rest[2 * n], rest[2 * n + 1]);
+  };
+  const std::string what = fmt::format(
+      "participant 'solid' at window {}, iteration {}: two lines of the wet surface pass through each other "
+      "at {:.5g}, {:.5g}, beside its nodes {} and {}",
+      position_.window, position_.iteration, crossing->place[0], crossing->place[1], node(0), node(1));
+  if (!at_the_end) {
+    warned_of_crossing_ = true;
+    spdlog::warn("{}; an equilibrium like that ends the run", what);
+    return;
+  }
+  write_frames(time_of_window());
+  throw RunFailure(
+      ExitStatus::no_solution, what,
+      "a steady run knows no contact between bodies: lower the load or what moves the held parts, "
+      "or compute the scene with coupling.mode = \"transient\" and a [solid.contact]");
 }
 
 void CouplingLoop::judge(const InterfaceState& x, const InterfaceState& answer, IterationRow& row) {

@@ -65,6 +65,7 @@ private:
   bool iterate_window(InterfaceState& x);
   void iterate(InterfaceState& x);
   void judge(const InterfaceState& x, const InterfaceState& answer, IterationRow& row);
+  void look_for_crossing();
   void accept_window(const char* verdict, double wall_s);
   void finish_window(const char* verdict, double residual, double wall_s);
   void write_frames(double time);
@@ -94,6 +95,8 @@ private:
   Position position_;
   Care care_ = Care::normal;
   Care acceleration_care_ = Care::normal;  // with which the acceleration was made, in this window or before
+  bool bodies_can_meet_ = false;
+  bool warned_of_crossing_ = false;
   std::uint64_t total_iterations_ = 0;
   std::uint64_t frame_ = 0;
 };
