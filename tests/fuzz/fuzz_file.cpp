@@ -55,6 +55,7 @@ void read(const std::filesystem::path& file) {
 #include <cstring>
 
 #include "checkpoint.hpp"
+#include "crc32_by_bits.hpp"
 #include "file_digest.hpp"
 
 namespace {
@@ -84,21 +85,16 @@ void read(const std::filesystem::path& file) {
 // given to HDF5, to which it is no file of its own.
 constexpr std::size_t begin = sizeof(std::uint64_t) + sizeof(std::uint32_t);
 
-// The checksum bit by bit: the reader's own, zlib's, is not its own judge.
-std::uint32_t crc32_by_bits(const std::uint8_t* data, std::size_t size) {
-  std::uint32_t crc = 0xffffffffU;
-  for (std::size_t k = 0; k < size; ++k) {
-    crc ^= data[k];
-    for (int bit = 0; bit < 8; ++bit) crc = (crc >> 1U) ^ ((crc & 1U) != 0 ? 0xedb88320U : 0U);
-  }
-  return ~crc;
+// Of what follows size and checksum: the reader's own, zlib's, is not its own judge.
+std::uint32_t right_sum(const std::uint8_t* data, std::size_t size) {
+  return estuary::crc32_by_bits({reinterpret_cast<const char*>(data) + begin, size - begin});
 }
 
 void read(const std::filesystem::path& file, const std::uint8_t* data, std::size_t size) {
   estuary::FileSum said;
   std::memcpy(&said.bytes, data, sizeof said.bytes);
   std::memcpy(&said.crc32, data + sizeof said.bytes, sizeof said.crc32);
-  const bool whole = said.bytes == size - begin && said.crc32 == crc32_by_bits(data + begin, size - begin);
+  const bool whole = said.bytes == size - begin && said.crc32 == right_sum(data, size);
   bool believed = true;
   try {
     estuary::require_sum(file, said);
@@ -120,7 +116,7 @@ extern "C" std::size_t LLVMFuzzerCustomMutator(std::uint8_t* data, std::size_t s
   size = LLVMFuzzerMutate(data, size, most);
   if (seed % 4 != 0 || size < begin) return size;
   const std::uint64_t bytes = size - begin;
-  const std::uint32_t crc32 = crc32_by_bits(data + begin, size - begin);
+  const std::uint32_t crc32 = right_sum(data, size);
   std::memcpy(data, &bytes, sizeof bytes);
   std::memcpy(data + sizeof bytes, &crc32, sizeof crc32);
   return size;

@@ -11,6 +11,7 @@
 #include <numeric>
 #include <stdexcept>
 
+#include "crc32_by_bits.hpp"
 #include "file_digest.hpp"
 #include "temporary_folder.hpp"
 
@@ -168,16 +169,6 @@ TEST_F(Checkpoint, NamesAFileThatCannotBeWritten) {
   CheckpointWriter writer(folder_.path() / "no-such-folder" / "a.h5");
   EXPECT_THAT(failure([&] { writer.commit(); }),
               AllOf(HasSubstr("no-such-folder/a.h5"), HasSubstr("cannot be created")));
-}
-
-// The checksum as ISO-HDLC defines it (reflected polynomial 0xedb88320), bit by bit and without zlib.
-std::uint32_t crc32_by_bits(std::string_view bytes) {
-  std::uint32_t crc = 0xffffffffU;
-  for (const char byte : bytes) {
-    crc ^= static_cast<unsigned char>(byte);
-    for (int bit = 0; bit < 8; ++bit) crc = (crc >> 1U) ^ ((crc & 1U) != 0 ? 0xedb88320U : 0U);
-  }
-  return ~crc;
 }
 
 TEST_F(Checkpoint, ItsChecksumIsThatOfTheStandard) {
