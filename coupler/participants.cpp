@@ -354,7 +354,10 @@ void Participants::listen(RemoteParticipant& participant) {
       participant.progress_ = std::move(*reply->mutable_progress());
       continue;
     }
-    if (!reply->has_header())  // no bytes at all are a message, too
+    // No bytes at all are a message, too. From who was greeted before it is a loss; in the first Hello it is
+    // of version 0, which is another.
+    const bool greeted = generation_ > 0 || participant.reports_since_;
+    if (!reply->has_header() && greeted)
       throw ChannelError(
           fmt::format("'{}' sent a message without a header", participant.channel_.endpoint()));
     if (reply->header().protocol_version() != protocol_version) {

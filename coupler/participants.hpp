@@ -153,7 +153,7 @@ private:
   void wait_until_idle(RemoteParticipant& participant);
   void check_interrupt(const RemoteParticipant& asked, const char* phase, const Position& position);
   /// Reads what has arrived from `participant` and keeps the reply it is asked for.
-  static void listen(RemoteParticipant& participant);
+  void listen(RemoteParticipant& participant);
   void check_patience(RemoteParticipant& participant, const v1::Request& request, const Position& position,
                       double waited) const;
   static v1::Reply take_reply(RemoteParticipant& participant, const v1::Request& request,

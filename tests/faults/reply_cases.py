@@ -4,17 +4,17 @@ import threading
 
 import zmq
 
-from driver import PROGRAMS, Run, expect, expect_same, finished, summary
-from message_cases import ADVANCE, Server, field, fields, free_port
+from driver import PROGRAMS, Failure, Run, expect, expect_same, finished, summary
+from message_cases import ADVANCE, HELLO, Server, field, fields, free_port
 
-PROGRESS = 8
+PROGRESS = 8  # an answer has the number of what was asked, but for this
 
 
 class Between:
-    """Hands on what coupler and participant say to each other, but for the answer to one Advance, which `change` makes a list of
-    messages of (each a list of frames)."""
+    """Hands on what coupler and participant say to each other, but for the answer to one request, number `at` of its kind,
+    which `change` makes a list of messages of (each a list of frames)."""
 
-    def __init__(self, participant, change, at):
+    def __init__(self, participant, change, at, kind=ADVANCE):
         self.context = zmq.Context()
         self.front, self.back = self.context.socket(zmq.ROUTER), self.context.socket(zmq.DEALER)
         for one in (self.front, self.back):
@@ -23,8 +23,8 @@ class Between:
         port = self.front.bind_to_random_port("tcp://127.0.0.1")
         self.address = f"tcp://127.0.0.1:{port}"
         self.back.connect(participant)
-        self.change, self.at, self.answers, self.before = change, at, 0, []
-        self.over = False
+        self.change, self.at, self.kind, self.answers, self.before = change, at, kind, 0, []
+        self.over, self.failure = False, None
         self.thread = threading.Thread(target=self.hand_on)
 
     def __enter__(self):
@@ -35,8 +35,16 @@ class Between:
         self.over = True
         self.thread.join()
         self.context.destroy()
+        if self.failure is not None:
+            raise Failure(f"between coupler and participant: {self.failure!r}") from self.failure
 
     def hand_on(self):
+        try:
+            self.hand_on_until_over()
+        except Exception as error:  # of this thread; told to whoever uses it
+            self.failure = error
+
+    def hand_on_until_over(self):
         identity = None
         while not self.over:
             if self.front.poll(5):
@@ -52,7 +60,7 @@ class Between:
         if PROGRESS in kinds:
             return [reply]
         answers = [reply]
-        if ADVANCE in kinds:
+        if self.kind in kinds:
             self.answers += 1
             if self.answers == self.at:
                 answers = self.change(reply, self.before)
@@ -79,9 +87,26 @@ CHANGES = {
     "empty": (lambda reply, before: [[b""], reply], "without a header"),
     # An answer that does not come is asked for again.
     "swallowed": (lambda reply, before: [], None),
-    # After a message that is too large ZeroMQ does not connect again: the run ends and is gone on with.
+    # After a message that is too large ZeroMQ does not connect again, as it does after a cut: the run ends and is gone on with.
     "oversized": (lambda reply, before: [[bytes(300 << 20)]], "did not answer"),
 }
+
+
+def scene_through(place, between):
+    """A tube whose wall is connected to by way of `between`."""
+    text = place.tube(end=0.4).read_text().replace(f'[solid]\nsolver = "{PROGRAMS}/elastic-tube"', f'[solid]\nconnect = "{between.address}"')
+    return place.write("between.toml", text.replace("[coupling]", "[coupling]\nconnect_timeout = 8.0", 1))
+
+
+def case_answer_to_hello_without_a_header(place):
+    """From who has never answered properly it means other messages, not a loss: nothing to try again."""
+    address = f"tcp://127.0.0.1:{free_port()}"
+    with Server(place, "solid", address) as server, Between(address, lambda reply, before: [[b""]], at=1, kind=HELLO) as between:
+        server.wait_for("elastic-tube 1 at")
+        run = Run(scene_through(place, between), place.folder / "out")
+        run.expect_end(2, "speaks protocol version 0")
+        expect("build the solver with the messages of this coupler" in run.said(), run.said())
+        expect(between.answers == 1, f"Hello was answered {between.answers} times")
 
 
 def case_replies_that_are_none(place, kinds=tuple(CHANGES)):
@@ -94,9 +119,7 @@ def case_replies_that_are_none(place, kinds=tuple(CHANGES)):
         address = f"tcp://127.0.0.1:{free_port()}"
         with Server(where, "solid", address) as server, Between(address, change, at=130) as between:
             server.wait_for("elastic-tube 1 at")
-            text = place.tube(end=0.4).read_text().replace(f'[solid]\nsolver = "{PROGRAMS}/elastic-tube"',
-                                                           f'[solid]\nconnect = "{between.address}"')
-            scene = where.write("between.toml", text.replace("[coupling]", "[coupling]\nconnect_timeout = 8.0", 1))
+            scene = scene_through(where, between)
             run = Run(scene, where.folder / "out", limit=60)
             status = run.end()
             expect(status == (4 if kind == "oversized" else 0), f"{kind}: exit status {status}: {run.said()}")
