@@ -1,11 +1,12 @@
 """Disks that are full, and what many windows leave behind."""
 import contextlib
 import os
+import pathlib
 import signal
 import subprocess
 import time
 
-from driver import Run, expect, expect_same, finished, summary
+from driver import Failure, Run, expect, expect_same, finished, summary
 
 
 def case_checkpoint_that_cannot_be_written(place):
@@ -25,7 +26,7 @@ def case_checkpoint_that_cannot_be_written(place):
 
 @contextlib.contextmanager
 def small_disk(folder):
-    """A disk of 16 MB there, with what was in the folder; None where this machine lets us mount none."""
+    """A disk of 16 MB there, with what was in the folder, to which nobody may write meanwhile; None where this machine lets us mount none."""
     folder.mkdir(parents=True, exist_ok=True)
     before = {path.name: path.read_bytes() for path in folder.iterdir()}
     mounted = subprocess.run(["mount", "-t", "tmpfs", "-o", "size=16m", "tmpfs", str(folder)], capture_output=True).returncode == 0
@@ -36,6 +37,23 @@ def small_disk(folder):
     finally:
         if mounted:
             subprocess.run(["umount", "--lazy", str(folder)], check=False)
+
+
+def stop_between_files(run, folder):
+    """Stops the run, the coupler first, at a moment at which nobody has a file in the folder open. Who has to be continued, the coupler last."""
+    for _ in range(100):
+        participants = [*run.participants().values()]
+        everyone = [*participants, run.process.pid]
+        for number in reversed(everyone):
+            os.kill(number, signal.SIGSTOP)
+        time.sleep(0.01)
+        handles = [os.readlink(f"/proc/{number}/fd/{handle}") for number in everyone for handle in os.listdir(f"/proc/{number}/fd")]
+        if not any(pathlib.Path(handle).is_relative_to(folder) for handle in handles) and not list(folder.glob("*.part")):
+            return everyone
+        for number in everyone:
+            os.kill(number, signal.SIGCONT)
+        time.sleep(0.02)
+    raise Failure("there was always a file open")
 
 
 def fill(disk):
@@ -77,19 +95,26 @@ def case_disk_full_under_one_participant(place):
     not fit is said and left out, the one before it stays."""
     for what, output in (("frame", "frame_interval = 5"), ("checkpoint", "frames = false")):
         where = type(place)(place.folder / what)
-        scene = where.springs(end=4.0, fluid="seconds = 0.03", recovery=f"[recovery]\nevery = 10\n[output]\n{output}")
+        keeps = f"[recovery]\nevery = 10\n[output]\n{output}"
         undisturbed = where.folder / "undisturbed"
-        finished(scene, undisturbed)
+        finished(where.springs(end=3.0, recovery=keeps), undisturbed)
+        # From window 12, when the disk is filled, it is more than a second to window 20, which would be the next to be kept.
+        scene = where.springs(end=3.0, fluid="seconds = 0.15", recovery=keeps)
         out = where.folder / "out"
         run = Run(scene, out)
         run.wait_for_window(1)  # a run begins by making its folders
+        stopped = stop_between_files(run, out / "solid")
         with small_disk(out / "solid") as small:
+            for number in stopped:
+                os.kill(number, signal.SIGCONT)
             if small is None:
                 run.process.terminate()
                 run.end()
                 return NO_DISK
             run.wait_for_window(12)
             fill(small)
+            full_at = run.window()
+            expect(full_at < 19, f"the disk was full at window {full_at} only")
             if what == "frame":
                 status = run.end()
                 expect(status == 4 and "'solid'" in run.said() and "space" in run.said(), f"exit status {status}: {run.said()}")
