@@ -3,7 +3,7 @@ import os
 import signal
 import time
 
-from driver import Run, expect, expect_same, finished
+from driver import Run, expect, expect_same, finished, summary
 
 PHASES = ("configure", "start", "advance", "accept", "save", "load", "frame", "stop")
 
@@ -86,13 +86,15 @@ def case_interrupt_in_every_phase(place):
             expect_same(out, undisturbed, frames=False)
 
 
-def first_word_of_a_loss(run):
-    """What the coupler says of it, once it has noticed."""
-    return next((line for line in run.said().splitlines() if "was lost" in line or "interrupted" in line or "did not answer" in line), None)
+def words_of_losses(run):
+    """The lines in which the coupler says that it has noticed a loss or an interrupt, whole ones."""
+    lines = run.said().splitlines(keepends=True)
+    return [line for line in lines if line.endswith("\n") and ("was lost" in line or "interrupted" in line or "did not answer" in line)]
 
 
 def struck(place, phase, number, victim, role):
-    """One signal to one process in one phase: (what came of it, time until it was noticed, time until the end)."""
+    """One signal to one process in one phase: (what came of it, time until the coupler said so, time until the end). Who has nothing
+    to say, a killed coupler and one that only stops participants, is noticed by its end."""
     if phase in ("connect", "exchange"):
         scene = place.springs(recovery="[recovery]\nevery = 3", solid="seconds = 0.01", fluid="seconds = 0.01")
         mark = None
@@ -110,12 +112,13 @@ def struck(place, phase, number, victim, role):
             run.wait_for_window(8)
             os.kill(run.participants()["solid" if role == "fluid" else "fluid"], signal.SIGKILL)
         wait_for(run, mark)
-    lines_before = len(run.said().splitlines())
-    moment = time.monotonic()
+    before = len(words_of_losses(run))
     target = run.process.pid if victim == "coupler" else run.participants().get(role)
-    if target is None:
+    if target is None or run.process.poll() is not None:
         run.end()
+        expect(phase == "stop", f"{phase} {number.name} {victim}: had ended before the signal was sent: {run.said()}")
         return "had ended already", 0.0, 0.0
+    moment = time.monotonic()
     os.kill(target, number)
     if victim == "coupler" and number == signal.SIGSTOP:
         time.sleep(1)
@@ -126,11 +129,13 @@ def struck(place, phase, number, victim, role):
     noticed = None
     while run.process.poll() is None:
         expect(time.monotonic() - moment < 40, f"{phase} {number.name} {victim}: does not end: {run.said()}")
-        if noticed is None and len(run.said().splitlines()) > lines_before:
+        if noticed is None and len(words_of_losses(run)) > before:
             noticed = time.monotonic() - moment
-        time.sleep(0.01)
+        time.sleep(0.002)
     took = time.monotonic() - moment
     status = run.end()
+    expect(victim == "coupler" or phase == "stop" or len(words_of_losses(run)) > before,
+           f"{phase} {number.name} {victim}: the loss was not said: {run.said()}")
     while run.participants():
         expect(time.monotonic() - moment - took < 5, f"{phase} {number.name} {victim}: processes were left behind")
         time.sleep(0.02)
@@ -163,3 +168,22 @@ def case_table_of_signals(place):
         text += (f"{victim} {name}: noticed after {sorted(values)[len(values) // 2]:.2f} s (median), {max(values):.2f} s (most); "
                  f"ended after {max(ends[victim, name]):.1f} s at most\n")
     return text
+
+
+def case_times_until_noticed(place, times=7):
+    """How long it takes until a participant's loss between two requests is said, and how long until everyone is at the checkpoint."""
+    reference = place.folder / "undisturbed"
+    finished(place.springs(), reference)
+    text = []
+    for number in (signal.SIGKILL, signal.SIGSTOP, signal.SIGTERM):
+        noticed, recovered = [], []
+        for attempt in range(times):
+            where = type(place)(place.folder / f"{number.name}-{attempt}")
+            what, first, _ = struck(where, "exchange", number, "solid", "solid")
+            expect(what == "goes on", f"{number.name}: {what}")
+            expect_same(where.folder / "out", reference, frames=False)
+            noticed.append(first)
+            recovered.append(summary(where.folder / "out")["recovery"]["recovery_s"])
+        text.append(f"{number.name} {sorted(noticed)[times // 2]:.3f} s median, {max(noticed):.3f} s at most, recovered in "
+                    f"{sorted(recovered)[times // 2]:.3f} and {max(recovered):.3f} s")
+    return f"{times} of each: " + "; ".join(text)
