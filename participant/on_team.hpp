@@ -8,7 +8,8 @@
 namespace estuary {
 
 /// Calls `work` once on each thread of a team of `threads`, or, when that is one, once, right here, outside
-/// any team. Inside, `#pragma omp for` shares a loop out. A team of one, or an `if` clause that is false, is
+/// any team. Inside, `#pragma omp for` shares a loop out; counts are added by `omp atomic`
+/// (clang takes no reduction on what a lambda captured). A team of one, or an `if` clause that is false, is
 /// not the same: its barriers each call into the system (libgomp wakes nobody), which costs a small body as
 /// much time as its step. Not for use inside a team: `omp for` would share the loop out among that one.
 template <class Work>

@@ -80,7 +80,8 @@ std::int64_t Fluid::measure_variant(const double* x, const double* v, double tim
   std::int64_t bad = 0;
   double* fresh = fresh_density_.data();  // neighbours read the density at the step's start
   on_team(n > kSerialBelow, [&] {
-#pragma omp for schedule(static) reduction(+ : bad) nowait
+    std::int64_t bad_here = 0;
+#pragma omp for schedule(static) nowait
     for (std::size_t i = 0; i < n; ++i) {
       const double xi = x[2 * i], yi = x[2 * i + 1], vx = v[2 * i], vy = v[2 * i + 1], rho = density[i];
       double hxx = 0, hxy = 0, hyy = 0, lxx = 0, lxy = 0, lyx = 0, lyy = 0, gx = 0, gy = 0;
@@ -148,8 +149,10 @@ std::int64_t Fluid::measure_variant(const double* x, const double* v, double tim
         s[3] = sxy * ixy + syy * iyy;
       }
       // Written so that a NaN counts as bad.
-      if (!(std::isfinite(p + axx + ayy + xi + yi) && change > 0)) ++bad;
+      if (!(std::isfinite(p + axx + ayy + xi + yi) && change > 0)) ++bad_here;
     }
+#pragma omp atomic
+    bad += bad_here;
   });
   return bad;
 }

@@ -84,7 +84,8 @@ std::int64_t compute_stress(const Body& body, const Neighbourhood& pairs, std::s
   const std::size_t n = body.size();
   std::int64_t bad = 0;
   on_team(n > kSerialBelow, [&] {
-#pragma omp for schedule(static) reduction(+ : bad) nowait
+    std::int64_t bad_here = 0;
+#pragma omp for schedule(static) nowait
     for (std::size_t i = 0; i < n; ++i) {
       const double ux = u[2 * i], uy = u[2 * i + 1];
       double hxx = 0, hxy = 0, hyx = 0, hyy = 0;
@@ -140,8 +141,10 @@ std::int64_t compute_stress(const Body& body, const Neighbourhood& pairs, std::s
       stress[4 * i + 2] = vp.yx;
       stress[4 * i + 3] = vp.yy;
       // Written so that a NaN counts as bad.
-      if (!(determinant(f) > 0) || !std::isfinite(vp.xx + vp.xy + vp.yx + vp.yy)) ++bad;
+      if (!(determinant(f) > 0) || !std::isfinite(vp.xx + vp.xy + vp.yx + vp.yy)) ++bad_here;
     }
+#pragma omp atomic
+    bad += bad_here;
   });
   return bad;
 }

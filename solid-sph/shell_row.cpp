@@ -194,20 +194,26 @@ std::int64_t ShellRow::evaluate(std::span<const double> displacement, std::span<
   });
   std::int64_t bad = 0, folded = 0;
   on_team(n > kSerialBelow, [&] {
-#pragma omp for schedule(static) reduction(+ : folded) nowait
+    std::int64_t folded_here = 0;
+#pragma omp for schedule(static) nowait
     for (std::size_t l = 0; l < count; ++l) {
       pull(displacement, history, commit, l, velocity);
-      if (at_[l].folded) ++folded;
+      if (at_[l].folded) ++folded_here;
     }
+#pragma omp atomic
+    folded += folded_here;
   });
   folded_ = folded;
   on_team(n > kSerialBelow, [&] {
-#pragma omp for schedule(static) reduction(+ : bad) nowait
+    std::int64_t bad_here = 0;
+#pragma omp for schedule(static) nowait
     for (std::size_t i = 0; i < n; ++i) {
       gather(displacement, i, fields);
       const std::size_t p = particle_[i];
-      if (!std::isfinite(fields.force[2 * p] + fields.force[2 * p + 1] + moment_[i])) ++bad;
+      if (!std::isfinite(fields.force[2 * p] + fields.force[2 * p + 1] + moment_[i])) ++bad_here;
     }
+#pragma omp atomic
+    bad += bad_here;
   });
   return bad;
 }
