@@ -57,8 +57,8 @@ double statistic_of(const WatchSeries& whole, const std::string& statistic, cons
   WatchSeries series = whole;
   // Times are multiples of the window, `to_time` is as somebody wrote it: they may differ by round-off.
   const double last = watch.to_time * (1 + 1e-12);
-  const auto count = static_cast<std::size_t>(
-      std::upper_bound(series.time.begin(), series.time.end(), last) - series.time.begin());
+  const auto count = static_cast<std::size_t>(std::upper_bound(series.time.begin(), series.time.end(), last) -
+                                              series.time.begin());
   series.time.resize(count);
   series.value.resize(count);
   if (series.value.empty()) return missing;
@@ -154,15 +154,15 @@ Harmonic fit_harmonic(const WatchSeries& series, double angular_frequency, doubl
   return {std::hypot(fit[1], fit[2]), std::atan2(-fit[2], fit[1]) * 180 / std::numbers::pi};
 }
 
-std::vector<CheckResult> evaluate_checks(const CouplingScene& scene, const RunRecord& record,
+std::vector<CheckResult> evaluate_checks(const CouplingScene& scene, const RecordedRun& record,
                                          RunFigures figures) {
-  figures.windows = record.windows().size();
-  for (const auto& window : record.windows())
+  figures.windows = record.windows.size();
+  for (const auto& window : record.windows)
     figures.most_iterations = std::max(figures.most_iterations, window.iterations);
   std::vector<CheckResult> results;
   for (const auto& check : scene.checks) {
     CheckResult result{.check = check};
-    result.value = quantity_value(check.quantity, scene, record.watches(), figures);
+    result.value = quantity_value(check.quantity, scene, record.watches, figures);
     if (check.reference) {
       double difference = result.value - *check.reference;
       if (check.quantity.ends_with(".phase")) difference = std::remainder(difference, 360.0);

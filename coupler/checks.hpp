@@ -31,7 +31,7 @@ double quantity_value(const std::string& quantity, const CouplingScene& scene, c
                       const RunFigures& figures);
 
 /// Of `figures` wall time and iterations are taken; windows are counted in the record.
-std::vector<CheckResult> evaluate_checks(const CouplingScene& scene, const RunRecord& record,
+std::vector<CheckResult> evaluate_checks(const CouplingScene& scene, const RecordedRun& record,
                                          RunFigures figures);
 
 /// Amplitude and phase [degrees, -180..180] of value(t) = mean + amplitude cos(angular_frequency t + phase),

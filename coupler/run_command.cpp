@@ -299,19 +299,23 @@ private:
   }
 
   ExitStatus finish(ExitStatus status) {
-    if (record_) record_->flush();
+    RecordedRun recorded;
+    if (record_) {
+      record_->flush();
+      recorded = record_->read();
+    }
     end_.checkpoints = checkpoints_.written();
     end_.checkpoint_s = checkpoints_.seconds();
     const RunFigures figures{.wall_s = end_.wall_s, .total_iterations = end_.total_iterations};
     std::vector<CheckResult> checks;
     if (status == ExitStatus::done) {
-      checks = evaluate_checks(scene_.coupling, *record_, figures);
+      checks = evaluate_checks(scene_.coupling, recorded, figures);
       const bool hold =
           std::all_of(checks.begin(), checks.end(), [](const CheckResult& result) { return result.pass; });
       if (!hold) status = ExitStatus::check_failed;
     }
     end_.status = status_text(status);
-    write_summary(folder_, scene_, participants_.get(), *record_, checks, end_);
+    write_summary(folder_, scene_, participants_.get(), recorded, checks, end_);
     if (status == ExitStatus::done || status == ExitStatus::check_failed) print_results(checks);
     return status;
   }

@@ -49,6 +49,38 @@ std::string mapping_text(const std::optional<std::array<double, 4>>& sums) {
               : std::string(",,,");
 }
 
+std::vector<WindowRow> read_windows(const std::filesystem::path& path) {
+  std::vector<WindowRow> windows;
+  std::ifstream file(path);
+  std::string line;
+  std::getline(file, line);  // the names
+  while (std::getline(file, line)) {
+    std::replace(line.begin(), line.end(), ',', ' ');
+    // The only text in it has spaces ("not converged"): it is taken out first.
+    WindowRow row;
+    const auto begin = line.find_first_of("abcdefghijklmnopqrstuvwxyz");
+    const auto end = line.find_first_of("0123456789", begin);
+    if (begin == std::string::npos || end == std::string::npos) continue;
+    row.verdict = line.substr(begin, end - begin - 1);
+    std::istringstream numbers(line.substr(0, begin) + line.substr(end));
+    numbers >> row.window >> row.total_iterations >> row.iterations >> row.time >> row.residual >>
+        row.wall_s >> row.duration;
+    windows.push_back(std::move(row));
+  }
+  return windows;
+}
+
+std::map<std::string, WatchSeries> read_watch(const std::filesystem::path& path) {
+  const auto table = read_csv(path);
+  const auto* time = table ? table->column("time") : nullptr;
+  std::map<std::string, WatchSeries> quantities;
+  if (time == nullptr) return quantities;
+  constexpr std::size_t first_quantity = 3;  // after window, iteration, time
+  for (std::size_t k = first_quantity; k < table->names.size(); ++k)
+    quantities[table->names[k]] = {*time, table->columns[k]};
+  return quantities;
+}
+
 }  // namespace
 
 RunRecord::RunRecord(const std::filesystem::path& folder, const CouplingScene& scene)
@@ -67,8 +99,6 @@ void RunRecord::begin_anew() {
   iterations_.close();
   convergence_.close();
   watch_files_.clear();
-  watches_.clear();
-  windows_.clear();
   std::filesystem::remove_all(folder_ / "watch");
   std::filesystem::create_directories(folder_ / "watch");
   iterations_ = open_for_writing(folder_ / iterations_name);
@@ -106,8 +136,6 @@ void RunRecord::go_back(const RecordPosition& position) {
   iterations_.close();
   convergence_.close();
   watch_files_.clear();
-  watches_.clear();
-  windows_.clear();
   // A watch that had no row yet has no file.
   if (std::filesystem::exists(folder_ / "watch")) {
     for (const auto& entry : std::filesystem::directory_iterator(folder_ / "watch")) {
@@ -124,38 +152,15 @@ void RunRecord::go_back(const RecordPosition& position) {
     } else {
       const std::string watch = std::filesystem::path(name).stem().string();
       watch_files_.emplace(watch, std::move(file));
-      read_watch(watch);
     }
   }
-  read_windows();
 }
 
-void RunRecord::read_windows() {
-  std::ifstream file(folder_ / iterations_name);
-  std::string line;
-  std::getline(file, line);  // the names
-  while (std::getline(file, line)) {
-    std::replace(line.begin(), line.end(), ',', ' ');
-    // The only text in it has spaces ("not converged"): it is taken out first.
-    WindowRow row;
-    const auto begin = line.find_first_of("abcdefghijklmnopqrstuvwxyz");
-    const auto end = line.find_first_of("0123456789", begin);
-    if (begin == std::string::npos || end == std::string::npos) continue;
-    row.verdict = line.substr(begin, end - begin - 1);
-    std::istringstream numbers(line.substr(0, begin) + line.substr(end));
-    numbers >> row.window >> row.total_iterations >> row.iterations >> row.time >> row.residual >>
-        row.wall_s >> row.duration;
-    windows_.push_back(std::move(row));
-  }
-}
-
-void RunRecord::read_watch(const std::string& name) {
-  const auto table = read_csv(folder_ / watch_name(name));
-  const auto* time = table ? table->column("time") : nullptr;
-  if (time == nullptr) throw std::runtime_error(fmt::format("{} cannot be read back", watch_name(name)));
-  constexpr std::size_t first_quantity = 3;  // after window, iteration, time
-  for (std::size_t k = first_quantity; k < table->names.size(); ++k)
-    watches_[name][table->names[k]] = {*time, table->columns[k]};
+RecordedRun RunRecord::read() {
+  for (const auto& [name, file] : files()) file->flush();
+  RecordedRun run{.windows = read_windows(folder_ / iterations_name), .watches = {}};
+  for (const auto& [name, file] : watch_files_) run.watches[name] = read_watch(folder_ / watch_name(name));
+  return run;
 }
 
 void RunRecord::check(std::ofstream& file, const std::string& name) const {
@@ -179,7 +184,6 @@ void RunRecord::add(const IterationRow& row) {
 void RunRecord::add(const WindowRow& row) {
   fmt::print(iterations_, "{},{},{},{},{:.17g},{:.17g},{:.6f},{:.17g}\n", row.window, row.total_iterations,
              row.iterations, row.verdict, row.time, row.residual, row.wall_s, row.duration);
-  windows_.push_back(row);
 }
 
 std::map<std::string, std::ofstream*> RunRecord::files() {
@@ -216,13 +220,7 @@ void RunRecord::add(const v1::WatchSample& sample, std::uint64_t window, std::ui
                     double time) {
   std::ofstream& file = watch_file(sample);
   fmt::print(file, "{},{},{:.17g}", window, iteration, time);
-  auto& quantities = watches_[sample.name()];
-  for (int i = 0; i < sample.quantity_size(); ++i) {
-    fmt::print(file, ",{:.17g}", sample.value(i));
-    auto& series = quantities[sample.quantity(i)];
-    series.time.push_back(time);
-    series.value.push_back(sample.value(i));
-  }
+  for (const double value : sample.value()) fmt::print(file, ",{:.17g}", value);
   file << '\n';
 }
 

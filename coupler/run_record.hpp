@@ -69,6 +69,12 @@ using RecordPosition = std::map<std::string, std::uint64_t>;
 /// Watch name -> quantity -> series.
 using WatchRecord = std::map<std::string, std::map<std::string, WatchSeries>>;
 
+/// What the tables of a run hold.
+struct RecordedRun {
+  std::vector<WindowRow> windows;
+  WatchRecord watches;
+};
+
 class RunRecord {
 public:
   /// Makes the folder's files anew. Throws std::runtime_error when they cannot be written.
@@ -92,12 +98,11 @@ public:
   /// The same when rows may have waited for 20 ms. True when it did.
   bool flush_if_due();
 
-  [[nodiscard]] const std::vector<WindowRow>& windows() const { return windows_; }
-  [[nodiscard]] const WatchRecord& watches() const { return watches_; }
+  /// Reads the tables so far. They are not kept in memory: a run may have any number of windows. What cannot
+  /// be read is left out.
+  [[nodiscard]] RecordedRun read();
 
 private:
-  void read_windows();
-  void read_watch(const std::string& name);
   std::ofstream& watch_file(const v1::WatchSample& sample);
   void check(std::ofstream& file, const std::string& name) const;
   [[nodiscard]] std::map<std::string, std::ofstream*> files();
@@ -107,8 +112,6 @@ private:
   std::ofstream convergence_;
   std::ofstream iterations_;
   std::map<std::string, std::ofstream> watch_files_;
-  WatchRecord watches_;
-  std::vector<WindowRow> windows_;
   std::chrono::steady_clock::time_point flushed_ = std::chrono::steady_clock::now();
 };
 

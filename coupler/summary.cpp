@@ -70,9 +70,9 @@ Json participants_json(const CheckedScene& scene, const Participants* participan
   return all;
 }
 
-Json watches_json(const RunRecord& record) {
+Json watches_json(const RecordedRun& record) {
   Json all = Json::object();
-  for (const auto& [name, quantities] : record.watches()) {
+  for (const auto& [name, quantities] : record.watches) {
     Json entry = Json::object();
     for (const auto& [quantity, series] : quantities) {
       if (series.value.empty()) continue;
@@ -109,11 +109,11 @@ Json checks_json(const std::vector<CheckResult>& checks) {
 }  // namespace
 
 void write_summary(const std::filesystem::path& folder, const CheckedScene& scene,
-                   const Participants* participants, const RunRecord& record,
+                   const Participants* participants, const RecordedRun& record,
                    const std::vector<CheckResult>& checks, const RunEnd& end) {
   std::uint64_t most = 0;
-  for (const auto& window : record.windows()) most = std::max(most, window.iterations);
-  const auto windows = record.windows().size();
+  for (const auto& window : record.windows) most = std::max(most, window.iterations);
+  const auto windows = record.windows.size();
   double exchange_s = 0;
   std::uint64_t bytes = 0;
   std::uint64_t messages = 0;

@@ -30,7 +30,7 @@ struct RunEnd {
 /// `participants` may be null when none could be launched. Throws std::runtime_error when it cannot be
 /// written.
 void write_summary(const std::filesystem::path& folder, const CheckedScene& scene,
-                   const Participants* participants, const RunRecord& record,
+                   const Participants* participants, const RecordedRun& record,
                    const std::vector<CheckResult>& checks, const RunEnd& end);
 
 /// Phase times, updates per second and memory of each participant, for the end of the run.

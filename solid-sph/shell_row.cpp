@@ -110,7 +110,7 @@ void ShellRow::pull(std::span<const double> displacement, std::span<double> hist
     return;
   }
   now.whole = true;
-  now.folded = !(strain.along > kFolded);
+  now.folded = strain.along <= kFolded;  // what is not a number is found by the forces
   now.stretch = stretch;
   now.along = strain.along;
   now.shear_strain = strain.shear;

@@ -151,8 +151,6 @@ def case_many_exchanges(place, windows=int(os.environ.get("ESTUARY_WINDOWS", "40
     for name in seen[0]:
         (memory, handles), (memory_later, handles_later) = seen[0][name], seen[1][name]
         expect(handles_later <= handles + 1, f"{name}: {handles} file handles became {handles_later}")
-        # The coupler keeps every watched value for the checks and a row for each window.
-        kept = 6000 + 0.25 * windows if name == "coupler" else 0
-        expect(memory_later < memory + 1500 + kept, f"{name}: {memory} kB became {memory_later} kB")
+        expect(memory_later < memory + 1500, f"{name}: {memory} kB became {memory_later} kB")
         text.append(f"{name} {memory} -> {memory_later} kB, {handles_later} handles")
     return f"{windows} windows: " + "; ".join(text)

@@ -229,12 +229,13 @@ TEST_F(RunTables, GoesBackToAPlace) {
     }
   }
   RunRecord record(folder_.path(), scene_, position);
-  ASSERT_EQ(record.windows().size(), 2U);
-  EXPECT_EQ(record.windows()[1].verdict, "not converged");
-  EXPECT_EQ(record.windows()[1].total_iterations, 2U);
-  EXPECT_EQ(record.windows()[1].duration, 0.1);
-  ASSERT_EQ(record.watches().size(), 1U);
-  EXPECT_THAT(record.watches().at("tip").at("x").value, ElementsAreArray({1.0 / 3.0, 1.0 / 3.0}));
+  const RecordedRun recorded = record.read();
+  ASSERT_EQ(recorded.windows.size(), 2U);
+  EXPECT_EQ(recorded.windows[1].verdict, "not converged");
+  EXPECT_EQ(recorded.windows[1].total_iterations, 2U);
+  EXPECT_EQ(recorded.windows[1].duration, 0.1);
+  ASSERT_EQ(recorded.watches.size(), 1U);
+  EXPECT_THAT(recorded.watches.at("tip").at("x").value, ElementsAreArray({1.0 / 3.0, 1.0 / 3.0}));
   EXPECT_FALSE(std::filesystem::exists(folder_.path() / "watch" / "late.csv"));
   record.add(tip, 3, 1, 0.3);
   record.flush();
