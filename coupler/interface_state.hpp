@@ -25,14 +25,15 @@ struct InterfaceHistory {
 /// none: as it is; linear: d + v t; quadratic: the velocity goes on changing as in the window before.
 InterfaceState predict(Predictor predictor, const InterfaceHistory& history, double duration);
 
-/// Replaces `x` by the next iterate, given the answer H(x). The fields are accelerated as one vector, the
-/// velocity as the displacement it makes in one window, so that both take part with the same unit and the
-/// same factor. `moves`: with the velocity; `with_forces`: with the nodal forces (parallel schemes).
-/// `vectors` is room to work in, worth keeping from one iteration to the next. Throws std::logic_error when
-/// lengths differ.
+/// Room to work in, worth keeping from one iteration to the next.
 struct AccelerationVectors {
   std::vector<double> iterate, residual;
 };
+
+/// Replaces `x` by the next iterate, given the answer H(x). The fields are accelerated as one vector, the
+/// velocity as the displacement it makes in one window, so that both take part with the same unit and the
+/// same factor. `moves`: with the velocity; `with_forces`: with the nodal forces (parallel schemes).
+/// Throws std::logic_error when lengths differ.
 void accelerate(Acceleration& acceleration, InterfaceState& x, const InterfaceState& answer, double duration,
                 bool moves, bool with_forces, AccelerationVectors& vectors);
 

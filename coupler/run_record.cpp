@@ -18,6 +18,8 @@ namespace {
 
 const std::string iterations_name = "iterations.csv";
 const std::string convergence_name = "convergence.csv";
+// Before the quantities of a watch.
+constexpr const char* watch_columns = "window,iteration,time";
 
 std::string watch_name(const std::string& watch) {
   return "watch/" + watch + ".csv";
@@ -151,6 +153,9 @@ void RunRecord::go_back(const RecordPosition& position) {
       convergence_ = std::move(file);
     } else {
       const std::string watch = std::filesystem::path(name).stem().string();
+      std::string names;
+      if (!std::getline(std::ifstream(folder_ / name), names) || !names.starts_with(watch_columns))
+        throw std::runtime_error(fmt::format("{} cannot be read back", name));
       watch_files_.emplace(watch, std::move(file));
     }
   }
@@ -210,7 +215,7 @@ std::ofstream& RunRecord::watch_file(const v1::WatchSample& sample) {
   const auto found = watch_files_.find(sample.name());
   if (found != watch_files_.end()) return found->second;
   auto file = open_for_writing(folder_ / watch_name(sample.name()));
-  file << "window,iteration,time";
+  file << watch_columns;
   for (const auto& quantity : sample.quantity()) file << ',' << quantity;
   file << '\n';
   return watch_files_.emplace(sample.name(), std::move(file)).first->second;

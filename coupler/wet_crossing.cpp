@@ -90,7 +90,7 @@ std::vector<MovedFacet> moved_facets(const v1::WetSurface& surface, std::span<co
   return facets;
 }
 
-// FacetGrids of cells without bounds, one for each level, in one hash table. Facets of cells that fall on the
+// Grids of cells without bounds, one for each level, in one hash table. Facets of cells that fall on the
 // same place of the table are compared in vain, no more.
 class FacetGrids {
 public:

@@ -1,9 +1,9 @@
 #include "hourglass_viscosity.hpp"
 
-#include "on_team.hpp"
-
 #include <algorithm>
 #include <utility>
+
+#include "on_team.hpp"
 
 namespace estuary::solid {
 

@@ -241,7 +241,10 @@ TEST_F(RunTables, GoesBackToAPlace) {
   record.flush();
   const std::string text = content("watch/tip.csv");
   EXPECT_EQ(std::count(text.begin(), text.end(), '\n'), 4);
-  position["iterations.csv"] = 1000000;
+  RecordPosition too_far = position;
+  too_far["iterations.csv"] = 1000000;
+  EXPECT_THROW(record.go_back(too_far), std::runtime_error);
+  std::ofstream(folder_.path() / "watch" / "tip.csv") << std::string(position.at("watch/tip.csv"), '#');
   EXPECT_THROW(record.go_back(position), std::runtime_error);
 }
 
