@@ -121,7 +121,6 @@ def case_killed_again_and_again(place):
     for window, role in ((7, "fluid"), (18, "solid"), (31, "fluid"), (44, "solid")):
         run.wait_for_window(window)
         os.kill(run.participants()[role], signal.SIGKILL)
-        time.sleep(0.4)
     run.expect_end(0)
     expect_same(out, undisturbed)
     return f"{summary(out)['recovery']['relaunches']} relaunches"
