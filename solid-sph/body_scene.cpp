@@ -153,9 +153,13 @@ void read_filling(SceneTable& solid, SolidScene& result) {
     if (first.shape == Shape::points) solid.problem("particles_across", "a point list needs `spacing`");
     result.spacing = (thin > 0 ? thin : 1.0) / count;
   }
-  if (result.spacing > 0 && area / (result.spacing * result.spacing) > 5e6)
+  const bool too_fine = area / (result.spacing * result.spacing) > 5e6;
+  if (result.spacing > 0 && too_fine)
     solid.problem(by_spacing ? "spacing" : "particles_across",
                   "makes more than five million particles; use a coarser spacing");
+  // The scene is refused by then. What is read after this draws outlines, and needs a spacing that can be
+  // drawn.
+  if (!(result.spacing > 0) || too_fine) result.spacing = thin > 0 ? 0.5 * thin : 1.0;
 }
 
 }  // namespace

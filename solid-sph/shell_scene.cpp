@@ -54,7 +54,7 @@ void check_shells(SceneTable& solid, const SolidScene& scene) {
     if (scene.breaks()) solid.problem("wet", "does not go with `rupture`: the surface would have to open");
   }
   if (scene.impact()) {  // other bodies are there, and their keys
-    if (!(scene.spacing > 0) || solid.has("particles_across"))
+    if (solid.has("particles_across"))
       solid.problem("particles_across", "a shell is one row of particles; give `spacing`");
     return;
   }
@@ -62,7 +62,7 @@ void check_shells(SceneTable& solid, const SolidScene& scene) {
                   [](const BodyScene& body) { return !body.shell; }))
     solid.problem(
         "kind", "shells go into one scene with other bodies only with [solid.contact] method = \"pinball\"");
-  if (!(scene.spacing > 0) || solid.has("particles_across"))
+  if (solid.has("particles_across"))
     solid.problem("particles_across", "a shell is one row of particles; give `spacing`");
   for (const char* key : {"placement", "clamp", "periodic", "correction", "kernel", "smoothing_ratio",
                           "stabilisation", "stress_points", "formulation", "viscosity_linear",

@@ -35,11 +35,17 @@ class Gatekeeper:
     """The list, as ZeroMQ's authenticator asks it."""
     def __init__(self, allowed):
         self.allowed = set(allowed)
+        self.refused = 0
+        self.next_said = 1
 
     def callback(self, domain, key):
         if key in self.allowed:
             return True
-        print("refused a connection: its key is not on the list", file=sys.stderr, flush=True)
+        self.refused += 1
+        # Each at first, then seldom: somebody may try for hours.
+        if self.refused >= self.next_said:
+            print(f"refused a connection: its key is not on the list ({self.refused} so far)", file=sys.stderr, flush=True)
+            self.next_said = self.refused + 1 if self.refused < 10 else 2 * self.refused
         return False
 
 

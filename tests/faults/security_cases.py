@@ -2,6 +2,8 @@
 import contextlib
 import os
 import pathlib
+import pty
+import re
 import socket
 import stat
 import subprocess
@@ -102,7 +104,10 @@ def case_keys_let_in_and_keep_out(place):
                     pass
             except OSError:
                 pass
+        # Every try of the three that reached the door is counted, whatever it came with.
         one.wait_for("refused a connection")
+        counts = [int(count) for count in re.findall(r"refused a connection: .* \((\d+) so far\)", one.log.read_text())]
+        expect(len(counts) >= 3 and counts[0] == 1 and counts == sorted(set(counts)), f"refused connections are counted as {counts}")
         expect("refused a request" not in one.log.read_text(), "a stranger's message was read")
         status, text = command(COUPLER, "ping", endpoint, "--key", f"{coupler}.key", "--server-key", f"{server}.pub")
         expect(status == 0 and "free" in text, text)
@@ -126,6 +131,25 @@ def case_keys_let_in_and_keep_out(place):
             for secret in secrets:
                 expect(secret.encode() not in content, f"a secret is in {path}")
     return f"a stranger is turned away within {refused_after:.1f} s"
+
+
+def case_insecure_is_red(place):
+    """On a terminal; a file gets the words alone."""
+    red, plain = "\033[1;31m", "\033[0m"
+    scene = scene_at(place, "tcp://127.0.0.1:9", "", "insecure = true").read_text().replace("connect_timeout = 3.0", "connect_timeout = 0.2")
+    words = [COUPLER, "run", place.write("insecure.toml", scene), "--out", place.folder / "out"]
+    status, text = command(*words)
+    expect(status == 4 and "INSECURE" in text and red not in text, text)
+    ours, theirs = pty.openpty()
+    process = subprocess.Popen([str(word) for word in words], stdout=theirs, stderr=theirs, cwd=ROOT)
+    os.close(theirs)
+    said = b""
+    with contextlib.suppress(OSError):  # the end of a terminal
+        while part := os.read(ours, 4096):
+            said += part
+    os.close(ours)
+    expect(process.wait(20) == 4, said.decode())
+    expect(re.search(re.escape(red) + "INSECURE: [^\033]*insecure = true[^\033]*" + re.escape(plain), said.decode()), repr(said.decode()))
 
 
 def case_secret_files(place):

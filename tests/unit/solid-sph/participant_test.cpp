@@ -165,6 +165,18 @@ TEST_P(Refuses, WithALineAndAReason) {
   EXPECT_TRUE(said) << scene.problems().front().message;
 }
 
+// The outline of a disc is drawn with the spacing, to see whether the point that is watched lies inside.
+TEST(Configure, ADiscWhoseSpacingCannotBeDrawnIsRefused) {
+  const std::string disc = replaced(steady_fin(), "[solid.box]\nfrom = [1.0, 0.0]\nto = [1.025, 0.1]",
+                                    "[solid.disc]\ncentre = [1.0125, 0.05]\nradius = 0.05");
+  for (const char* spacing : {"", "spacing = 0", "spacing = 1e-300"}) {
+    Scene scene = Scene::parse(replaced(disc, "particles_across = 4", spacing), "scene.toml");
+    Solid solid;
+    EXPECT_NO_THROW(solid.configure(scene, "solid")) << spacing;
+    EXPECT_FALSE(scene.problems().empty()) << spacing;
+  }
+}
+
 TEST(Configure, ReportsAllProblemsAtOnce) {
   std::string text = replaced(steady_fin(), "density = 920", "density = -1");
   text = replaced(text, "poisson_ratio = 0.3", "poisson_ratio = 2");
