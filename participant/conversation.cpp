@@ -23,6 +23,13 @@ Conversation::Judgement Conversation::judge(const v1::Request& request) {
     return refuse(v1::Error::BAD_MESSAGE, "the request belongs to no run (run_id is empty)");
   if (run_id_.empty()) run_id_ = header.run_id();
   if (header.run_id() != run_id_) return refuse(v1::Error::BUSY, fmt::format("busy with run {}", run_id_));
+  // One process under two addresses: looked at before the order, because both count their requests from one.
+  const std::string& role = request.configure().role();
+  if (role_.empty()) role_ = role;
+  if (!role.empty() && role != role_)
+    return refuse(
+        v1::Error::BUSY,
+        fmt::format("this process is '{}' of the same run; '{}' needs one of its own", role_, role));
   const std::uint64_t sequence = header.sequence();
   if (last_reply_ && sequence == last_answered()) return {.course = Course::repeat};
   if (working_on_ != 0 && sequence == working_on_) return {.course = Course::ignore};

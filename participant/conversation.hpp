@@ -45,6 +45,7 @@ private:
 
   mutable std::mutex mutex_;
   std::string run_id_;
+  std::string role_;  // of the first Configure
   std::shared_ptr<const v1::Reply> last_reply_;
   v1::Header working_header_;
   std::uint64_t working_on_ = 0;  // sequence; 0: nothing

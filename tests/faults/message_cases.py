@@ -163,6 +163,29 @@ def case_messages_that_are_none(place):
         other.close()
 
 
+def case_duplicate_and_unknown_participants(place):
+    """One process for two participants, under one name or under two; a role that nobody knows; a program that is none."""
+    solver = f'solver = "{PROGRAMS}/elastic-tube"'
+    text = place.tube(end=0.1).read_text()
+
+    def written(name, first, second):
+        before, after = text.split("[solid]\n")
+        return place.write(name, before.replace(solver, first) + "[solid]\n" + after.replace(solver, second))
+
+    port = free_port()
+    here = f"tcp://127.0.0.1:{port}"
+    out = place.folder / "out"
+    finished(written("same.toml", f'connect = "{here}"', f'connect = "{here}"'), out, status=2, line="each is a process of its own")
+    with Server(place, "server", here) as server:
+        server.wait_for("elastic-tube 1 at")
+        finished(written("alias.toml", f'connect = "{here}"', f'connect = "tcp://localhost:{port}"'), out, status=4,
+                 line="needs one of its own")
+    finished(place.write("role.toml", f"[heat]\n{solver}\n" + text), out, status=2, line="unknown key")
+    finished(written("program.toml", solver, 'solver = "no-such-solver"'), out, status=2, line="no-such-solver")
+    finished(written("other.toml", solver, f'solver = "{PROGRAMS}/coupler"'), out, status=4,
+             line="participant 'solid' was lost at window 0, iteration 0")
+
+
 def case_who_listens_but_says_nothing(place):
     """A socket that takes everything and never answers: the run says who, and for how long."""
     listener = socket.socket(socket.AF_UNIX)

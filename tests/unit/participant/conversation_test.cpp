@@ -56,6 +56,20 @@ TEST(Conversation, RefusesWhatDoesNotFitNow) {
   EXPECT_EQ(conversation.judge(request(6)).kind, v1::Error::OUT_OF_ORDER);  // while 5 is worked on
 }
 
+TEST(Conversation, IsOneParticipantOfARun) {
+  Conversation conversation;
+  const auto configure = [](const char* role) {
+    v1::Request made = request(1);
+    made.mutable_configure()->set_role(role);
+    return made;
+  };
+  EXPECT_EQ(conversation.judge(configure("fluid")).course, Course::carry_out);
+  EXPECT_EQ(conversation.judge(configure("solid")).kind, v1::Error::BUSY);
+  conversation.answered(reply_to(configure("fluid")));
+  EXPECT_EQ(conversation.judge(configure("solid")).kind, v1::Error::BUSY);
+  EXPECT_EQ(conversation.judge(configure("fluid")).course, Course::repeat);
+}
+
 TEST(Conversation, AStopInterruptsAndEnds) {
   Conversation conversation;
   ASSERT_EQ(conversation.judge(request(1)).course, Course::carry_out);
