@@ -63,7 +63,6 @@ void ColumnPairs::multiply(const std::vector<double>& column,
                            const std::array<std::span<const double>, Count>& others,
                            const std::array<std::vector<double>*, Count>& products) const {
   constexpr std::size_t piece = 1024;
-  for (std::vector<double>* product : products) product->assign(fields_.size(), 0.0);
   std::size_t begin = 0;
   for (std::size_t field = 0; field < fields_.size(); ++field) {
     const std::size_t end = begin + fields_[field];
@@ -79,20 +78,23 @@ void ColumnPairs::multiply(const std::vector<double>& column,
 }
 
 void ColumnPairs::push_front(std::vector<double> residual_change, std::vector<double> answer_change,
-                             std::span<const double> right) {
-  Pair pair{std::move(residual_change), std::move(answer_change), {}, {}};
-  const std::span<const double> change = pair.residual_change;
-  const auto multiply_with = [&](Pair& other) {
-    multiply<2>(other.residual_change, {change, right}, {&pair.products.emplace_back(), &other.projection});
-  };
-  multiply_with(pair);
-  for (Pair& older : pairs_) multiply_with(older);
-  pairs_.push_front(std::move(pair));
+                             std::span<const double> right, ReadingTeam& team) {
+  pairs_.push_front({std::move(residual_change), std::move(answer_change), {}, {}});
+  Pair& newest = pairs_.front();
+  newest.products.assign(pairs_.size(), std::vector<double>(fields_.size(), 0.0));
+  for (Pair& pair : pairs_) pair.projection.assign(fields_.size(), 0.0);
+  team.for_each(pairs_.size(), pairs_.size() * right.size(), [&](std::size_t k) {
+    multiply<2>(pairs_[k].residual_change, {newest.residual_change, right},
+                {&newest.products[k], &pairs_[k].projection});
+  });
   projected_ = true;
 }
 
-void ColumnPairs::project(std::span<const double> right) {
-  for (Pair& pair : pairs_) multiply<1>(pair.residual_change, {right}, {&pair.projection});
+void ColumnPairs::project(std::span<const double> right, ReadingTeam& team) {
+  for (Pair& pair : pairs_) pair.projection.assign(fields_.size(), 0.0);
+  team.for_each(pairs_.size(), pairs_.size() * right.size(), [&](std::size_t k) {
+    multiply<1>(pairs_[k].residual_change, {right}, {&pairs_[k].projection});
+  });
 }
 
 void ColumnPairs::resize(std::size_t count, std::vector<std::vector<double>>& spare) {
@@ -151,9 +153,9 @@ std::vector<std::size_t> ColumnPairs::choose(const QuasiNewtonSettings& settings
 
 std::size_t ColumnPairs::apply(std::span<double> right, std::span<double> answer,
                                const std::vector<double>& weights, const QuasiNewtonSettings& settings,
-                               double smallest, Rest rest) {
+                               double smallest, Rest rest, ReadingTeam& team) {
   if (pairs_.empty()) return 0;
-  if (!std::exchange(projected_, false)) project(right);
+  if (!std::exchange(projected_, false)) project(right, team);
   Eigen::MatrixXd triangle;
   std::vector<std::size_t> chosen;
   if (settings.filter == ColumnFilter::qr3) {
@@ -176,10 +178,10 @@ std::size_t ColumnPairs::apply(std::span<double> right, std::span<double> answer
   const auto lower = triangle.topLeftCorner(count, count).triangularView<Eigen::Lower>();
   lower.solveInPlace(projected);
   lower.transpose().solveInPlace(projected);
-  add_columns(chosen, projected, &Pair::answer_change, answer);
+  add_columns(chosen, projected, &Pair::answer_change, answer, team);
   if (rest == Rest::needed) {
     projected = -projected;
-    add_columns(chosen, projected, &Pair::residual_change, right);
+    add_columns(chosen, projected, &Pair::residual_change, right, team);
   }
   return chosen.size();
 }
@@ -188,9 +190,11 @@ std::size_t ColumnPairs::apply(std::span<double> right, std::span<double> answer
 // in the cache while the columns, which are many times longer than any cache, come from memory once; four at
 // a time, so that several are under way.
 void ColumnPairs::add_columns(const std::vector<std::size_t>& chosen, const Eigen::VectorXd& factors,
-                              std::vector<double> Pair::*column, std::span<double> sum) const {
-  constexpr std::size_t piece = 4096;
-  for (std::size_t begin = 0; begin < sum.size(); begin += piece) {
+                              std::vector<double> Pair::*column, std::span<double> sum,
+                              ReadingTeam& team) const {
+  constexpr std::size_t piece = 2048;
+  team.for_each((sum.size() + piece - 1) / piece, chosen.size() * sum.size(), [&](std::size_t number) {
+    const std::size_t begin = number * piece;
     const std::size_t length = std::min(piece, sum.size() - begin);
     double* part = sum.data() + begin;
     const auto factor = [&](std::size_t k) { return factors[static_cast<Eigen::Index>(k)]; };
@@ -207,7 +211,7 @@ void ColumnPairs::add_columns(const std::vector<std::size_t>& chosen, const Eige
       const double* v = values(k);
       for (std::size_t i = 0; i < length; ++i) part[i] += f * v[i];
     }
-  }
+  });
 }
 
 void ColumnPairs::save(StateWriter& state) const {
@@ -237,7 +241,10 @@ void ColumnPairs::load(StateReader& state) {
 }
 
 QuasiNewton::QuasiNewton(QuasiNewtonSettings settings)
-    : settings_(std::move(settings)), factor_(settings_.relaxation), weights_(settings_.fields) {}
+    : settings_(std::move(settings)),
+      factor_(settings_.relaxation),
+      team_(settings_.threads),
+      weights_(settings_.fields) {}
 
 void QuasiNewton::begin_window() {
   last_residual_.clear();
@@ -269,7 +276,7 @@ void QuasiNewton::update(std::span<const double> residual, std::span<double> ite
   if (!last_residual_.empty()) {
     to_change(last_residual_, residual);
     to_change(last_answer_, answer_);
-    problems_.front().push_front(std::move(last_residual_), std::move(last_answer_), right_);
+    problems_.front().push_front(std::move(last_residual_), std::move(last_answer_), right_, team_);
     for (std::vector<double>* last : {&last_residual_, &last_answer_}) {
       if (spare_.empty()) break;
       *last = std::move(spare_.back());
@@ -285,7 +292,7 @@ void QuasiNewton::update(std::span<const double> residual, std::span<double> ite
   for (ColumnPairs& problem : problems_) {
     const bool last = &problem == &problems_.back() && settings_.remainder == 1;
     columns_used_ += problem.apply(right_, answer_, weights_.weights(), settings_, smallest,
-                                   last ? ColumnPairs::Rest::unused : ColumnPairs::Rest::needed);
+                                   last ? ColumnPairs::Rest::unused : ColumnPairs::Rest::needed, team_);
   }
   if (columns_used_ == 0) {
     factor_ = settings_.relaxation;

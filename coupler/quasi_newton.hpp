@@ -13,6 +13,7 @@
 #include <vector>
 
 #include "acceleration.hpp"
+#include "reading_team.hpp"
 
 namespace estuary::coupler {
 
@@ -29,6 +30,8 @@ struct QuasiNewtonSettings {
   /// divided by the sum over the window's iterations of its share of the residual's norm. Empty: no
   /// preconditioner.
   std::vector<std::size_t> fields;
+  /// That read the columns of large wet surfaces (see `ReadingTeam`); the same bits with any number.
+  int threads = 0;
 };
 
 /// Weights of the fields from their residuals so far in this window.
@@ -56,7 +59,7 @@ public:
 
   /// `right` is what the next call of `apply` will be given.
   void push_front(std::vector<double> residual_change, std::vector<double> answer_change,
-                  std::span<const double> right);
+                  std::span<const double> right, ReadingTeam& team);
   /// Drops the oldest. `spare` is given their memory.
   void resize(std::size_t count, std::vector<std::vector<double>>& spare);
   [[nodiscard]] std::size_t count() const { return pairs_.size(); }
@@ -68,7 +71,7 @@ public:
   /// needed, subtracts V c from `right`. Columns below `smallest` in norm and those the filter drops take no
   /// part. Returns how many did.
   std::size_t apply(std::span<double> right, std::span<double> answer, const std::vector<double>& weights,
-                    const QuasiNewtonSettings& settings, double smallest, Rest rest);
+                    const QuasiNewtonSettings& settings, double smallest, Rest rest, ReadingTeam& team);
 
   void save(StateWriter& state) const;
   void load(StateReader& state);
@@ -84,9 +87,9 @@ private:
   template <std::size_t Count>
   void multiply(const std::vector<double>& column, const std::array<std::span<const double>, Count>& others,
                 const std::array<std::vector<double>*, Count>& products) const;
-  void project(std::span<const double> right);
+  void project(std::span<const double> right, ReadingTeam& team);
   void add_columns(const std::vector<std::size_t>& chosen, const Eigen::VectorXd& factors,
-                   std::vector<double> Pair::*column, std::span<double> sum) const;
+                   std::vector<double> Pair::*column, std::span<double> sum, ReadingTeam& team) const;
   [[nodiscard]] double product(std::size_t newer, std::size_t older,
                                const std::vector<double>& weights) const;
   [[nodiscard]] std::vector<std::size_t> choose(const QuasiNewtonSettings& settings,
@@ -120,6 +123,7 @@ protected:
 private:
   double factor_;
   std::size_t columns_used_ = 0;
+  ReadingTeam team_;
   ResidualSum weights_;
   std::vector<double> last_residual_;
   std::vector<double> last_answer_;

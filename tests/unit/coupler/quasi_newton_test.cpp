@@ -4,9 +4,11 @@
 
 #include <cmath>
 #include <limits>
+#include <thread>
 #include <vector>
 
 #include "fixed_point.hpp"
+#include "reading_team.hpp"
 
 namespace estuary::coupler {
 namespace {
@@ -93,6 +95,53 @@ TYPED_TEST(QuasiNewton, PreconditionerMakesUnitsOfFieldsUnimportant) {
   const int wanted = updates_until_converged(one_unit, factors, 60);
   TypeParam mixed(weighted);
   EXPECT_LE(updates_until_converged(mixed, factors, 60, 1.0, {1e-6, 1e-6, 1e3, 1e3}), wanted + 2);
+}
+
+// What six windows of four iterations make of an iterate long enough for a team.
+template <typename Method>
+std::vector<double> iterate_after(int threads) {
+  auto with_team = settings(0.3, 4);
+  with_team.threads = threads;
+  Method method(with_team);
+  std::vector<double> iterate(ReadingTeam::least_values / 3 + 77), residual(iterate.size());
+  unsigned number = 1;
+  for (int window = 0; window < 6; ++window) {
+    method.begin_window();
+    for (int k = 0; k < 4; ++k) {
+      for (std::size_t i = 0; i < iterate.size(); ++i) {
+        number = number * 1664525U + 1013904223U;
+        residual[i] = (1.0 + 0.1 * static_cast<double>(i % 7)) * (window - iterate[i]) +
+                      1e-3 * (static_cast<double>(number) * 0x1p-31 - 1);
+      }
+      method.update(residual, iterate);
+    }
+  }
+  EXPECT_GT(method.columns(), 12U);
+  return iterate;
+}
+
+TYPED_TEST(QuasiNewton, GivesTheSameBitsWithAnyNumberOfThreads) {
+  const auto alone = iterate_after<TypeParam>(1);
+  EXPECT_EQ(iterate_after<TypeParam>(2), alone);
+  EXPECT_EQ(iterate_after<TypeParam>(3), alone);
+}
+
+TEST(ReadingTeam, DoesEverythingOnceAndIsDoneWhenItReturns) {
+  ReadingTeam team(3);
+  std::vector<int> done(64);
+  for (int call = 1; call <= 2000; ++call) {
+    team.for_each(done.size(), ReadingTeam::least_values, [&](std::size_t k) { ++done[k]; });
+    ASSERT_EQ(done, std::vector<int>(done.size(), call));
+  }
+}
+
+TEST(ReadingTeam, ReadsLittleAlone) {
+  ReadingTeam team(3);
+  const auto caller = std::this_thread::get_id();
+  int others = 0;
+  team.for_each(100, ReadingTeam::least_values - 1,
+                [&](std::size_t) { others += std::this_thread::get_id() == caller ? 0 : 1; });
+  EXPECT_EQ(others, 0);
 }
 
 TEST(MultiVectorQuasiNewton, LooksInOlderWindowsForWhatThisOneHasNotSeen) {
