@@ -46,7 +46,8 @@ Terms solved(const MomentMatrix& lower, Terms b, std::size_t terms) {
 
 }  // namespace
 
-ShapeFunctions moving_least_squares(std::span<const Offset> offsets, Kernel kernel, double h, int degree) {
+ShapeFunctions moving_least_squares(std::span<const Offset> offsets, Kernel kernel, double h, int degree,
+                                    Derivative derivative) {
   const std::size_t terms = degree == 0 ? 1 : degree == 1 ? 3 : kQuadraticTerms;
   MomentMatrix moments{};
   std::array<MomentMatrix, 2> slope_moments{};
@@ -55,7 +56,8 @@ ShapeFunctions moving_least_squares(std::span<const Offset> offsets, Kernel kern
   for (const Offset& o : offsets) {
     const double r = std::hypot(o.x, o.y), w = kernel_value(kernel, r, h);
     // Over the place of evaluation: W falls away from the point.
-    const double factor = r > 0 ? -kernel_slope(kernel, r, h) / r : 0;
+    const bool moves = derivative == Derivative::full && r > 0;
+    const double factor = moves ? -kernel_slope(kernel, r, h) / r : 0;
     weight.push_back(w);
     slope.push_back({factor * o.x, factor * o.y});
     const Terms p = monomials(o);

@@ -101,11 +101,12 @@ GradientRow gradient_row(const Body& body, const ReferenceSearch& search, std::s
       }
       return candidate;
     }
-    if (order == Order::mls_linear || order == Order::mls_quadratic) {
+    if (order >= Order::mls_linear) {
       offsets.insert(offsets.begin(), Offset{});
       try {
         const ShapeFunctions shape =
-            moving_least_squares(offsets, kernel, h / scale, order == Order::mls_linear ? 1 : 2);
+            moving_least_squares(offsets, kernel, h / scale, quadratic_exact(order) ? 2 : 1,
+                                 order >= Order::mls_linear_diffuse ? Derivative::diffuse : Derivative::full);
         for (std::size_t k = 1; k < offsets.size(); ++k)
           candidate.gradient.push_back({shape.gradient[k][0] / scale, shape.gradient[k][1] / scale});
       } catch (const std::domain_error&) {
@@ -143,8 +144,8 @@ Neighbourhood build_neighbourhood(const Body& body, const NeighbourhoodOptions& 
   // sums over rows obey summation by parts, and a wider one would not (Strand 1994).
   for (std::size_t i = 0; i < n; ++i) {
     if (body.carried(i)) continue;  // a rigid body has no strain
-    const bool one_sided = (options.order == Order::quadratic || options.order == Order::mls_quadratic) &&
-                           i < body.particles() && (body.edge[i] != 0 || body.fixed[i] == 3);
+    const bool one_sided =
+        quadratic_exact(options.order) && i < body.particles() && (body.edge[i] != 0 || body.fixed[i] == 3);
     rows[i] = gradient_row(body, search, i, one_sided ? Order::linear : options.order, options.kernel);
   }
 

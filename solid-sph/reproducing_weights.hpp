@@ -9,14 +9,37 @@
 #include <array>
 #include <cstddef>
 #include <span>
+#include <string_view>
 #include <vector>
 
 namespace estuary::solid {
 
 /// Fields whose gradient is exact: linear ones, quadratic ones as well, or none by correction (the plain SPH
-/// gradient; with `shepard` divided by the sum of the kernel). `mls_` are the full derivatives of the shape
-/// functions of moving least squares, whose weights are the kernel itself.
-enum class Order { linear, quadratic, none, shepard, mls_linear, mls_quadratic };
+/// gradient; with `shepard` divided by the sum of the kernel). `mls_` are the derivatives of the shape
+/// functions of moving least squares, whose weights are the kernel itself: full ones, or `_diffuse`.
+enum class Order {
+  linear,
+  quadratic,
+  none,
+  shepard,
+  mls_linear,
+  mls_quadratic,
+  mls_linear_diffuse,
+  mls_quadratic_diffuse
+};
+/// As scenes call them, in the order above.
+inline constexpr std::array<std::string_view, 8> kOrderNames{"linear",
+                                                             "quadratic",
+                                                             "none",
+                                                             "shepard",
+                                                             "mls_linear",
+                                                             "mls_quadratic",
+                                                             "mls_linear_diffuse",
+                                                             "mls_quadratic_diffuse"};
+/// Whether quadratic fields are meant to be exact.
+constexpr bool quadratic_exact(Order order) {
+  return order == Order::quadratic || order == Order::mls_quadratic || order == Order::mls_quadratic_diffuse;
+}
 
 /// One point of a neighbourhood, relative to the place of evaluation and divided by the spacing.
 struct Offset {

@@ -202,12 +202,13 @@ Plan plan_of(const SolidScene& scene) {
         "numerically; its law is hypoelastic (Jaumann)");
     return plan;
   }
-  constexpr std::array<const char*, 6> kOrders{"linear",  "quadratic",  "uncorrected",
-                                               "shepard", "mls-linear", "mls-quadratic"};
-  plan.variant = fmt::format(
-      "2d-{}-plane-{}-{}{}{}{}", law, scene.plane == Plane::strain ? "strain" : "stress",
-      kOrders[static_cast<std::size_t>(scene.order)], scene.stress_points > 0 ? "-stress-points" : "",
-      scene.stabilisation > 0 ? "-stabilised" : "", viscous ? "-viscous" : "");
+  std::string order(scene.order == Order::none ? "uncorrected"
+                                               : kOrderNames[static_cast<std::size_t>(scene.order)]);
+  std::replace(order.begin(), order.end(), '_', '-');
+  plan.variant =
+      fmt::format("2d-{}-plane-{}-{}{}{}{}", law, scene.plane == Plane::strain ? "strain" : "stress", order,
+                  scene.stress_points > 0 ? "-stress-points" : "",
+                  scene.stabilisation > 0 ? "-stabilised" : "", viscous ? "-viscous" : "");
   return plan;
 }
 

@@ -48,14 +48,12 @@ bool near_a_body(const SolidScene& scene, double x, double y) {
 void read_method(SceneTable& solid, SolidScene& result) {
   // With particles on the contour the linear correction is already exact where a quadratic one would be
   // needed.
-  constexpr std::array<std::string_view, 6> corrections{"linear",  "quadratic",  "none",
-                                                        "shepard", "mls_linear", "mls_quadratic"};
   const bool on_contour = result.placement == Placement::on_contour;
   result.order = on_contour ? Order::linear : Order::quadratic;
   if (solid.has("correction"))
     result.order = static_cast<Order>(
-        std::find(corrections.begin(), corrections.end(), solid.choice("correction", corrections)) -
-        corrections.begin());
+        std::find(kOrderNames.begin(), kOrderNames.end(), solid.choice("correction", kOrderNames)) -
+        kOrderNames.begin());
   constexpr std::array<std::string_view, 2> formulations{"total_lagrangian", "updated_lagrangian"};
   result.updated_lagrangian = solid.choice("formulation", formulations) == "updated_lagrangian";
   if (result.updated_lagrangian && (result.mode == Mode::steady || result.periodic || result.plastic()))
@@ -82,11 +80,7 @@ void read_method(SceneTable& solid, SolidScene& result) {
     if (result.order != Order::linear && result.order != Order::quadratic)
       solid.problem("stress_points", "need correction = \"linear\" or \"quadratic\"");
   }
-  const double stabilisation = between      ? 0.0
-                               : on_contour ? 0.02
-                               : result.order == Order::quadratic || result.order == Order::mls_quadratic
-                                   ? 0.05
-                                   : 0.0;
+  const double stabilisation = between ? 0.0 : on_contour ? 0.02 : quadratic_exact(result.order) ? 0.05 : 0.0;
   result.stabilisation = solid.number_or("stabilisation", stabilisation, {.minimum = 0.0, .maximum = 1.0});
   result.viscosity_linear = solid.number_or("viscosity_linear", 0.2, {.minimum = 0.0, .maximum = 10.0});
   result.viscosity_quadratic = solid.number_or("viscosity_quadratic", 0.4, {.minimum = 0.0, .maximum = 10.0});
