@@ -169,8 +169,8 @@ std::vector<ContactRecord<D>> measure_contacts(const LawFunctions<D>& law, const
       if (distance >= state.radius[i] + state.radius[j]) continue;
       record.i = static_cast<std::uint32_t>(i);
       record.j = static_cast<std::uint32_t>(j);
-      record.kinematics =
-          pair_kinematics(state, i, j, (1 / distance) * record.branch, distance, state.root_mass[k], 0.0);
+      record.kinematics = pair_kinematics(grain_pair(state, i, j, state.root_mass[k]),
+                                          (1 / distance) * record.branch, distance, 0.0);
       measure(record, input.constants, state.history.data() + memory * k, memory);
     }
   const std::size_t remembered = wall_memory(state);

@@ -47,26 +47,42 @@ struct LawFunctions {
 template <int D>
 LawFunctions<D> law_functions(const LawChoice& choice);
 
-/// Kinematics of the pair (i, j) at distance `distance` along `normal`; the overlap is shared by both arms,
-/// so that the forces turn both grains without changing the total angular momentum.
+/// What a contact has to know of its two grains.
 template <int D>
-inline ContactKinematics<D> pair_kinematics(const State<D>& state, std::size_t i, std::size_t j,
-                                            const Vector<D>& normal, double distance, double root_mass,
-                                            double lag) {
-  const double ri = state.radius[i], rj = state.radius[j];
+struct GrainPair {
+  double radius_i, radius_j;
+  double root_mass;       // sqrt(m*)
+  double inverse_masses;  // 1/m_i + 1/m_j
+  Vector<D> velocity;     // of the centre of j relative to that of i
+  Spin<D> spin_i, spin_j;
+};
+
+template <int D>
+inline GrainPair<D> grain_pair(const State<D>& state, std::size_t i, std::size_t j, double root_mass) {
+  return {state.radius[i],
+          state.radius[j],
+          root_mass,
+          state.inverse_mass[i] + state.inverse_mass[j],
+          load<D>(state.velocity.data(), j) - load<D>(state.velocity.data(), i),
+          load<spin_components<D>>(state.spin.data(), i),
+          load<spin_components<D>>(state.spin.data(), j)};
+}
+
+/// Kinematics of a pair at distance `distance` along `normal`; the overlap is shared by both arms, so that
+/// the forces turn both grains without changing the total angular momentum.
+template <int D>
+inline ContactKinematics<D> pair_kinematics(const GrainPair<D>& pair, const Vector<D>& normal,
+                                            double distance, double lag) {
   ContactKinematics<D> k;
   k.normal = normal;
-  k.radius_sum = ri + rj;
+  k.radius_sum = pair.radius_i + pair.radius_j;
   k.overlap = k.radius_sum - distance;
-  k.reduced_radius = ri * rj / k.radius_sum;
-  k.root_mass = root_mass;
-  k.slowing = lag * (state.inverse_mass[i] + state.inverse_mass[j]);
-  const Spin<D> wi = load<spin_components<D>>(state.spin.data(), i);
-  const Spin<D> wj = load<spin_components<D>>(state.spin.data(), j);
-  const double arm_i = ri - 0.5 * k.overlap, arm_j = rj - 0.5 * k.overlap;
-  split_velocity(k, load<D>(state.velocity.data(), j) - load<D>(state.velocity.data(), i),
-                 arm_i * wi + arm_j * wj);
-  k.spin = wi - wj;
+  k.reduced_radius = pair.radius_i * pair.radius_j / k.radius_sum;
+  k.root_mass = pair.root_mass;
+  k.slowing = lag * pair.inverse_masses;
+  const double arm_i = pair.radius_i - 0.5 * k.overlap, arm_j = pair.radius_j - 0.5 * k.overlap;
+  split_velocity(k, pair.velocity, arm_i * pair.spin_i + arm_j * pair.spin_j);
+  k.spin = pair.spin_i - pair.spin_j;
   return k;
 }
 

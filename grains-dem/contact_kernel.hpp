@@ -64,7 +64,7 @@ inline ContactForce<D> contact(const ContactConstants& c, const ContactKinematic
     const double stretch = std::max(-longest, std::min(longest, before + speed * dt));
     const double trial = tangential_stiffness * stretch + tangential_damping * speed;
     const double friction = std::max(-limit, std::min(limit, trial));
-    if (dt > 0) history[0] = stretch;
+    history[0] = dt > 0 ? stretch : before;
     result.friction[0] = friction;
     ledger.tangential += friction * speed * dt - tangential_stiffness * stretch * (stretch - before);
   } else if constexpr (F == FrictionLaw::spring) {

@@ -302,6 +302,12 @@ void prepare_cross_forces(const State<D>& state, CrossForces<D>& cross) {
   for (std::size_t i = 0; i < n; ++i)
     std::fill(cross.row.begin() + state.row_start[i], cross.row.begin() + state.row_start[i + 1],
               static_cast<std::uint32_t>(i));
+  cross.target = state.partner;
+  cross.reach_squared.resize(state.partner.size());
+  for (std::size_t k = 0; k < state.partner.size(); ++k) {
+    const double touch = state.radius[cross.row[k]] + state.radius[state.partner[k]];
+    cross.reach_squared[k] = touch * touch;
+  }
   cross.first_slot.assign(blocks + 1, 0);
   cross.incoming_start.assign(blocks + 1, 0);
   std::vector<std::uint32_t> target;
@@ -309,6 +315,7 @@ void prepare_cross_forces(const State<D>& state, CrossForces<D>& cross) {
     const std::size_t end = block_end(b, n);
     for (std::size_t k = state.row_start[block_begin(b)]; k < state.row_start[end]; ++k)
       if (state.partner[k] >= end) {
+        cross.target[k] = kSlot + static_cast<std::uint32_t>(target.size());
         target.push_back(state.partner[k]);
         ++cross.incoming_start[state.partner[k] / kBlockSize + 1];
       }

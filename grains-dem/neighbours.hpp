@@ -29,11 +29,16 @@ struct Domain {
 template <int D>
 inline constexpr std::uint32_t kImages = D == 2 ? 9 : 27;
 
+/// From here on a target is a slot and not a grain.
+inline constexpr std::uint32_t kSlot = 0x80000000;
+
 /// Work arrays that follow from the list and are rebuilt with it: the row of each pair, and where forces go
 /// that cross from one block to another.
 template <int D>
 struct CrossForces {
   std::vector<std::uint32_t> row;            // per pair: its first grain
+  std::vector<std::uint32_t> target;         // per pair: the partner, or kSlot + slot in another block
+  std::vector<double> reach_squared;         // per pair: (r_i + r_j)^2
   std::vector<std::size_t> first_slot;       // per block
   std::vector<double> value;                 // per slot: force, then torque, on the partner
   std::vector<std::size_t> incoming_start;   // per block + 1

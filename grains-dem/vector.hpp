@@ -37,13 +37,16 @@ inline std::array<double, N> operator*(double s, const std::array<double, N>& a)
 }
 template <std::size_t N>
 inline double dot(const std::array<double, N>& a, const std::array<double, N>& b) {
-  double sum = 0;
-  for (std::size_t c = 0; c < N; ++c) sum += a[c] * b[c];
+  double sum = a[0] * b[0];
+  for (std::size_t c = 1; c < N; ++c) sum += a[c] * b[c];
   return sum;
 }
 template <std::size_t N>
 inline double norm(const std::array<double, N>& a) {
-  return std::sqrt(dot(a, a));
+  if constexpr (N == 1)
+    return std::abs(a[0]);
+  else
+    return std::sqrt(dot(a, a));
 }
 
 /// spin x arm: velocity at the end of an arm.
