@@ -236,7 +236,8 @@ TEST(Frame, IsWritten) {
 
 // In a fluid: buoyancy by reduced gravity, forces taken, states given.
 TEST(Fluid, ForcesMoveGrainsAndWeightIsReduced) {
-  std::string text = replaced(kHeap, "[[watch]]", "[fluid]\n[grains.fluid]\ndensity = 1000\n[[watch]]");
+  std::string text = replaced(kHeap, "[[watch]]",
+                              "[fluid]\n[grains.fluid]\ndensity = 1000\nacceleration = [0.4, 0]\n[[watch]]");
   text = replaced(text, "count = 60\nfrom = [0, 0]\nto = [0.2, 0.3]", "positions = [[0.1, 0.5]]");
   text =
       replaced(text, "[grains.group.grading]\nlaw = \"beta\"\nminimum_radius = 0.006\nmaximum_radius = 0.012",
@@ -251,7 +252,8 @@ TEST(Fluid, ForcesMoveGrainsAndWeightIsReduced) {
   inputs.mutable_grain_forces()->add_torque(1e-4);
   const auto result = run.step(1, inputs);
   const double mass = 2000 * 3.14159265358979 * 1e-4;
-  EXPECT_NEAR(value_of(result, "one", "velocity_x"), 0.3 / mass * 0.01, 1e-12);
+  // Half as heavy as the grain, the fluid that a body force drives adds half of its acceleration.
+  EXPECT_NEAR(value_of(result, "one", "velocity_x"), (0.3 / mass + 0.5 * 0.4) * 0.01, 1e-12);
   EXPECT_NEAR(value_of(result, "one", "velocity_y"), -0.5 * 9.81 * 0.01, 1e-12);
   EXPECT_NEAR(value_of(result, "one", "spin"), 1e-4 * 0.01 / (0.5 * mass * 1e-4), 1e-9);
   EXPECT_EQ(result.outputs.grain_states().velocity(0), value_of(result, "one", "velocity_x"));
