@@ -56,7 +56,9 @@ public:
       rest_history_ = history_;
     }
     if (options.rupture.empty()) return;
-    rupture_.emplace(body_, pairs_, options.rupture, options.cracks, options.kernel);
+    std::vector<double> moduli;
+    for (const Material& material : materials_) moduli.push_back(material.constants.bar_modulus());
+    rupture_.emplace(body_, pairs_, options.rupture, std::move(moduli), options.cracks, options.kernel);
     const std::vector<double> rest = rupture_->rest_history();
     history_.insert(history_.end(), rest.begin(), rest.end());
     rest_history_ = history_;
@@ -255,21 +257,9 @@ private:
   void tear(std::span<const double> displacement, std::span<const double> velocity, std::uint64_t step) {
     constexpr std::size_t size = Law::history_size;
     const std::size_t n = body_.size();
-    if (rupture_->needs_energy()) {
-      stored_.resize(n);
-      on_team(n > kSerialBelow, [&] {
-#pragma omp for schedule(static) nowait
-        for (std::size_t i = 0; i < n; ++i) {
-          const Tensor<double> f = tensor_at(fields_.deformation_gradient, i);
-          if constexpr (kHistory)
-            stored_[i] = laws_[body_.member[i]].energy_density(f, &history_[size * i]);
-          else
-            stored_[i] = laws_[body_.member[i]].energy_density(f);
-        }
-      });
-    }
     const std::span<double> own = std::span<double>(history_).subspan(size * n);
-    if (!rupture_->find_overloaded(displacement, {.stored = stored_, .law = history_, .law_size = size}, own))
+    if (!rupture_->find_overloaded(displacement,
+                                   {.stress = fields_.stress, .law = history_, .law_size = size}, own))
       return;
     const double before = energy(displacement) + plastic_work();
     for (const std::uint32_t i :
@@ -338,7 +328,6 @@ private:
   std::optional<VelocitySmoothing> smoothing_;
   std::optional<HourglassViscosity> hourglass_;
   std::optional<Rupture> rupture_;
-  std::vector<double> stored_;  // elastic energy of each particle [J/m3], where links break by it
 };
 
 template <class Law>

@@ -38,6 +38,8 @@ struct ElasticConstants {
   }
   /// Modulus of a plane compression wave, rho c^2 [Pa].
   [[nodiscard]] double wave_modulus() const { return lambda + 2 * mu; }
+  /// Modulus of a bar in the plane, E in plane stress and E / (1 - nu^2) in plane strain [Pa].
+  [[nodiscard]] double bar_modulus() const { return 4 * mu * (lambda + mu) / (lambda + 2 * mu); }
   /// What stabilisation is measured by: the wave modulus, but no more than 4 mu, so that a nearly
   /// incompressible body does not lock (they are equal at a Poisson ratio of 1/3 in plane strain).
   [[nodiscard]] double stabilisation_modulus() const { return std::min(wave_modulus(), 4 * mu); }

@@ -1,11 +1,15 @@
 // Solid bodies that break: links between neighbours, taken out of the reference neighbourhood.
 //
-// A link breaks when its stretch, the mean plastic strain of its ends, or the energy they have taken up
-// passes a limit. The energy is that of a crack's area: with the spacing d and the means w_e and w_p over
-// both ends of the densities of the elastic energy and the plastic work, (4.75 w_e + 2 w_p) d. Flow localises
-// in two spacings (crack band: Bazant & Oh 1983); of elastic energy the link at the tip of a crack that is
-// about to grow holds that much less than what growth sets free (measured, see rupture.cpp). Of links that
-// share an end only the one furthest past its limit breaks in a step.
+// A link breaks when its stretch, the mean plastic strain of its ends, or the energy that a crack through it
+// would set free per area passes a limit. With the spacing d, the traction t across the link (mean of both
+// ends, on the area at rest that stands across it), the modulus E' of a bar in the plane and the mean w_p of
+// both ends' plastic work that energy is kTip / 2 |t|^2 d / E' + 2 w_p d. At distance r ahead of a crack it
+// is that 2 pi r |t|^2 = K^2 = E' G (Irwin 1957), whatever is stressed along the crack; which r the first
+// link behind the tip stands for is measured (rupture.cpp). Flow localises in two spacings (crack band:
+// Bazant & Oh 1983). Of links that share an end only the one furthest past its limit breaks in a step.
+//
+// A crack is opaque: a link across which every way over a common neighbour, by two shorter links, is broken
+// breaks with them. Otherwise the diagonals would hold a crack that runs between two rows.
 //
 // A touched particle gets the linearly corrected gradient of the links it has left (Maurel 2008, ch. 2) and
 // stands for as much less volume as its moment of links has lost across the crack, half of it at a straight
@@ -28,11 +32,12 @@ namespace estuary::solid {
 
 class Rupture {
 public:
-  /// `pairs` is what the sweeps use; it changes with every break. One set of limits for each member.
+  /// `pairs` is what the sweeps use; it changes with every break. One set of limits and one modulus E' [Pa]
+  /// for each member.
   /// Links that cross a segment (x0, y0, x1, y1) of `cracks` are broken from the start; std::invalid_argument
   /// for a segment, longer than the spacing, that crosses none.
   Rupture(const Body& body, Neighbourhood& pairs, std::vector<RuptureLimits> limits,
-          std::vector<std::array<double, 4>> cracks, Kernel kernel);
+          std::vector<double> moduli, std::vector<std::array<double, 4>> cracks, Kernel kernel);
 
   /// With the volumes that are left.
   [[nodiscard]] const Body& body() const { return body_; }
@@ -46,11 +51,10 @@ public:
   void restore(std::span<const double> history);
   /// Of every particle; no plastic strain and work: an elastic body.
   struct Loads {
-    std::span<const double> stored;  // elastic energy [J/m3]; read when `needs_energy`
+    std::span<const double> stress;  // first Piola-Kirchhoff times volume, xx xy yx yy [N m per m]
     std::span<const double> law;  // history of the law, `law_size` each: [4] plastic strain, last: its work
     std::size_t law_size = 0;
   };
-  [[nodiscard]] bool needs_energy() const { return needs_energy_; }
   /// Finds the links that are past their limits. Returns whether there are any.
   bool find_overloaded(std::span<const double> displacement, const Loads& loads,
                        std::span<const double> history);
@@ -69,6 +73,10 @@ public:
   [[nodiscard]] std::array<double, 3> losses(std::span<const double> history) const;
 
 private:
+  /// |t|^2 / (2 E') of a link [J/m3].
+  [[nodiscard]] double traction_energy(std::size_t pair, std::size_t i, std::span<const double> stress) const;
+  /// Breaks the longer links at a particle that are left without any way round.
+  void cut_crossing(std::size_t i, std::span<double> history);
   [[nodiscard]] double overload(std::size_t pair, std::size_t i, std::span<const double> displacement,
                                 const Loads& loads) const;
   [[nodiscard]] bool intact(std::span<const double> history, std::size_t pair) const {
@@ -97,13 +105,13 @@ private:
   Neighbourhood& pairs_;
   const Neighbourhood whole_;
   std::vector<RuptureLimits> limits_;
+  std::vector<double> moduli_;
   std::vector<std::array<double, 4>> cracks_;
   std::vector<double> weight_;         // |W'| / R of every pair
   std::vector<std::uint32_t> mirror_;  // the same pair seen from its other end
   std::vector<double> base_;
   std::vector<double> applied_;  // the history that `pairs_` belongs to
   std::vector<std::uint8_t> isolated_;
-  bool needs_energy_ = false;
   double steepening_ = 1;
   std::vector<double> rest_steepness_;  // largest of each member
   std::vector<Candidate> candidates_;
