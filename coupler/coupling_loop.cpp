@@ -4,7 +4,9 @@
 #include <spdlog/spdlog.h>
 
 #include <chrono>
+#include <utility>
 
+#include "answer_jump.hpp"
 #include "elapsed.hpp"
 #include "watch_integrals.hpp"
 #include "wet_crossing.hpp"
@@ -211,7 +213,7 @@ void CouplingLoop::compute_window() {
                                                       : "stalled",
                       convergence_->relative(Field::displacement), seconds_since(begin));
       }
-      throw;
+      throw explained(failure, std::move(x), !used_up && verdict_ != Verdict::stalled);
     }
   }
 }
@@ -235,6 +237,52 @@ bool CouplingLoop::try_again(const RunFailure& failure) {
   spdlog::warn("window {}: tried again {} after iteration {}: {}", position_.window, how, position_.iteration,
                failure.what());
   return true;
+}
+
+// Two causes that no acceleration cures look like a failed iteration: windows that swing from one to the
+// next, and a participant whose answer jumps where the iteration has to pass.
+RunFailure CouplingLoop::explained(const RunFailure& failure, InterfaceState x, bool settles) {
+  std::string line = failure.what(), advice = failure.advice;
+  const auto add = [&](const std::string& what, const std::string& hint) {
+    line += "; " + what;
+    advice = advice.empty() ? hint : hint + "; or " + advice;
+  };
+  if (const double share = swing_.share(); share > 0) {
+    add(fmt::format(
+            "before it the forces changed by {:.0f} % of themselves from window to window, back and forth",
+            100 * share),
+        "a window of another length or solid.window_load = \"linear\": the windows are unstable, not their "
+        "iteration");
+  }
+  // Where forces are a part of the iterate its answers depend on more than the motion.
+  if (!settles && !steady() && !scene_.parallel()) {
+    try {
+      const auto jump = find_jump(
+          std::move(x),
+          [&](const InterfaceState& motion) {
+            ++position_.iteration;
+            ++total_iterations_;
+            IterationRow unused;
+            return partners_.answer(motion, clock_.span(), position_, unused);
+          },
+          [&](InterfaceState& motion, const InterfaceState& answer) {
+            accelerate(*acceleration_, motion, answer, clock_.span().duration, true, false,
+                       acceleration_vectors_);
+          });
+      if (jump) {
+        add(fmt::format("an answer jumps there: over {:.1e} m of motion the forces change by {:.1e} of "
+                        "themselves, the velocity by {:.1e}, the displacement by {:.1e}",
+                        jump->distance, jump->forces, jump->velocity, jump->displacement),
+            "limits above these shares, which no iteration can pass, or a finer fluid, whose nodes the "
+            "surface covers one by one");
+      }
+    } catch (const RunFailure& unanswered) {
+      if (unanswered.status != ExitStatus::no_solution) throw;
+    }
+  }
+  RunFailure result(failure.status, line, advice, failure.curable);
+  result.lost = failure.lost;
+  return result;
 }
 
 void CouplingLoop::take_care(Care care) {
@@ -362,6 +410,7 @@ void CouplingLoop::accept_window(const char* verdict, double wall_s) {
     history_.earlier_velocity = std::move(history_.accepted.motion.velocity);
     history_.earlier_duration = clock_.span().duration;
     history_.accepted = last_;
+    if (!steady()) swing_.accept(last_.forces);
   }
   if (!steady()) record_watches(time_of_window());
   finish_window(verdict, convergence_ ? convergence_->relative(Field::displacement) : 0.0, wall_s);

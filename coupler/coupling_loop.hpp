@@ -30,6 +30,7 @@
 #include "progress_bar.hpp"
 #include "run_record.hpp"
 #include "window_clock.hpp"
+#include "window_swing.hpp"
 
 namespace estuary::coupler {
 
@@ -66,6 +67,8 @@ private:
   void iterate(InterfaceState& x);
   void judge(const InterfaceState& x, const InterfaceState& answer, IterationRow& row);
   void look_for_crossing();
+  // What is known of why the window failed, to add to what the user is told; asks the participants once more.
+  [[nodiscard]] RunFailure explained(const RunFailure& failure, InterfaceState x, bool settles);
   void accept_window(const char* verdict, double wall_s);
   void finish_window(const char* verdict, double residual, double wall_s);
   void write_frames(double time);
@@ -90,6 +93,7 @@ private:
   std::unique_ptr<Convergence> convergence_;  // once the surface is known
   InterfaceHistory history_;
   InterfaceState last_;               // the last answer
+  WindowSwing swing_;                 // of the forces, over the windows since the start or a checkpoint
   IterationNorms norms_;              // of the last iteration
   Verdict verdict_ = Verdict::go_on;  // of the last iteration
   Position position_;

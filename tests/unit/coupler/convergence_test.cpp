@@ -2,7 +2,14 @@
 
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <cmath>
+#include <functional>
+#include <optional>
+#include <vector>
+
+#include "answer_jump.hpp"
+#include "window_swing.hpp"
 
 namespace estuary::coupler {
 namespace {
@@ -37,8 +44,8 @@ TEST(Convergence, NothingMovingIsConvergedAndDividesByNothing) {
 }
 
 TEST(Convergence, RoundOffOfADisplacementAndItsVelocityIsNoMotion) {
-  auto convergence = started(scene_with({{Field::displacement, MeasureKind::relative, 1e-4},
-                                         {Field::velocity, MeasureKind::relative, 1e-4}}));
+  auto convergence = started(scene_with(
+      {{Field::displacement, MeasureKind::relative, 1e-4}, {Field::velocity, MeasureKind::relative, 1e-4}}));
   EXPECT_EQ(convergence.judge({.displacement_increment = 3e-17,
                                .displacement = 3e-17,
                                .velocity_increment = 2e-17,
@@ -158,6 +165,46 @@ TEST(Convergence, ForcesThatDieAwayNeedNoRelativeAccuracy) {
   convergence.accept({.force = 100.0});
   EXPECT_EQ(convergence.judge({.force_increment = 5e-4, .force = 1e-6}, 1), Verdict::converged);
   EXPECT_EQ(convergence.judge({.force_increment = 5e-3, .force = 1e-6}, 2), Verdict::go_on);
+}
+
+// One wet node whose solid answers 0.3 x + a load that depends on where it is.
+std::optional<AnswerJump> jump_of(const std::function<double(double)>& load) {
+  const auto answer = [&](const InterfaceState& x) {
+    const double force = load(x.motion.displacement[0]);
+    return InterfaceState{{{0.3 * x.motion.displacement[0] + force}, {force}}, {force}};
+  };
+  const auto relax_by_half = [](InterfaceState& x, const InterfaceState& answer_of_x) {
+    for (auto field : {&WetMotion::displacement, &WetMotion::velocity})
+      (x.motion.*field)[0] = 0.5 * ((x.motion.*field)[0] + (answer_of_x.motion.*field)[0]);
+  };
+  return find_jump({{{0.9}, {0.0}}, {1.0}}, answer, relax_by_half);
+}
+
+TEST(AnswerJump, IsFoundWhereALoadFallsAtOnce) {
+  // x = 0.3 x + 1 beyond 1.2 and 0.6 below has its fixed points at 1.43 and 0.86, both on the other side.
+  const auto jump = jump_of([](double x) { return x < 1.2 ? 1.0 : 0.6; });
+  ASSERT_TRUE(jump);
+  EXPECT_LT(jump->distance, 1e-6);
+  EXPECT_NEAR(jump->forces, 0.4, 1e-9);
+  EXPECT_NEAR(jump->displacement, 0.4 / 1.36, 1e-5);
+}
+
+TEST(AnswerJump, SteepButContinuousAnswersHaveNone) {
+  EXPECT_FALSE(jump_of([](double x) { return 1.0 - 0.4 * std::clamp(500 * (x - 1.2), 0.0, 1.0); }));
+  EXPECT_FALSE(jump_of([](double) { return 1.0; }));
+}
+
+TEST(WindowSwing, SeesForcesThatSwingFasterThanWindowsResolve) {
+  const auto share_after = [](double windows_a_period, double mean) {
+    WindowSwing swing;
+    for (int k = 0; k < 40; ++k)
+      swing.accept(std::vector<double>{mean + std::sin(2 * M_PI * k / windows_a_period), 0.0});
+    return swing.share();
+  };
+  EXPECT_NEAR(share_after(2.6, 0.0), 2 * std::sin(M_PI / 2.6), 0.1);
+  EXPECT_NEAR(share_after(3.0, 0.0), 2 * std::sin(M_PI / 3.0), 0.1);
+  EXPECT_EQ(share_after(3.0, 10.0), 0.0);  // beside a load that is steady
+  EXPECT_EQ(share_after(8.0, 0.0), 0.0);
 }
 
 }  // namespace
