@@ -118,7 +118,7 @@ void set_equilibrium(Populations& p, const Fields& fields, EquilibriumModel mode
       const double inverse = 1 / density;
       const std::ptrdiff_t node = p.row_start(row) + x;
       for (int i = 0; i < p.lattice().count; ++i) {
-        if (!p.holds(node) || !p.holds(node + p.step(i))) continue;
+        if (!p.holds(node)) continue;
         p[p.post_collision(p.parity(), i, node)] =
             space ? equilibrium<D3Q19>(i, m, inverse) : equilibrium<D2Q9>(i, m, inverse);
       }

@@ -44,6 +44,18 @@ RelaxationParts relaxation_of(const FlowSettings& settings) {
   return {even, 0.5};  // the odd part is set to equilibrium
 }
 
+/// The node is less than `distance` away from a node of an open side.
+bool open_side_within(const FlowSettings& settings, const Node& node, int distance) {
+  const Grid& grid = settings.grid;
+  const std::array<int, 3> at{node.x, node.y, node.z};
+  const std::array<int, 3> counts{grid.nx, grid.ny, grid.layers()};
+  for (std::size_t side = 0; side < 2 * static_cast<std::size_t>(grid.dimension()); ++side) {
+    const int away = side % 2 == 0 ? at[side / 2] : counts[side / 2] - 1 - at[side / 2];
+    if (away < distance && is_open(settings.sides[side].kind)) return true;
+  }
+  return false;
+}
+
 }  // namespace
 
 Flow::Flow(const FlowSettings& settings)
@@ -104,6 +116,7 @@ void Flow::link_obstacles() {
 
 void Flow::set_wet_surface(std::size_t nodes, std::vector<std::uint32_t> connectivity,
                            EdgeLinks::Extent closing) {
+  expect_other_walls();
   wet_.emplace(grid(), nodes, std::move(connectivity));
   wet_edges_ = EdgeLinks(closing, 1 / settings_.rates.even, settings_.ranks);
   placed_.clear();
@@ -166,6 +179,7 @@ MoveCounts Flow::move_wet_surface(std::span<const double> positions, std::span<c
 }
 
 MoveCounts Flow::place_bodies(const Grains& bodies, const std::vector<WallRule>& rules, bool fill) {
+  if (!bodies.radius.empty()) expect_other_walls();
   RoundMove move;
   const bool first = bodies_.empty();
   if (!bodies_.place(bodies, rules, cells_, populations_, move)) return {};
@@ -183,7 +197,11 @@ MoveCounts Flow::place_bodies(const Grains& bodies, const std::vector<WallRule>&
   return counts;
 }
 
-void Flow::set_solid_nodes(const std::vector<std::uint16_t>& solid) {
+void Flow::expect_other_walls() const {
+  if (!other_walls_) throw std::logic_error("set_solid_nodes was told of no other walls");
+}
+
+void Flow::set_solid_nodes(const std::vector<std::uint16_t>& solid, bool other_walls) {
   const LatticeTable& lattice = populations_.lattice();
   std::vector<Node> uncovered;
   for (int row = 0; row < grid().rows(); ++row) {
@@ -202,19 +220,10 @@ void Flow::set_solid_nodes(const std::vector<std::uint16_t>& solid) {
     cells_.set_solid(row, cell_obstacle, runs, uncovered);
   }
   packs_alone_ = settings_.drop_solid_nodes;
+  other_walls_ = other_walls || obstacles_ || !packs_alone_;
   if (settings_.drop_solid_nodes && !halo_) drop_solid_nodes();
   solid_node_links_.clear();
   links_at_sides_.clear();
-  const auto depends_on_side = [this](const Node& node, bool across) {
-    if (across) return true;
-    const std::array<int, 3> at{node.x, node.y, node.z};
-    const std::array<int, 3> counts{grid().nx, grid().ny, grid().layers()};
-    for (std::size_t side = 0; side < 2 * static_cast<std::size_t>(grid().dimension()); ++side) {
-      const int distance = side % 2 == 0 ? at[side / 2] : counts[side / 2] - 1 - at[side / 2];
-      if (distance < 2 && is_open(settings_.sides[side].kind)) return true;
-    }
-    return false;
-  };
   for (int row = grid().first_row(); row < grid().past_row(); ++row) {
     const int y = row % grid().ny;
     const int z = row / grid().ny;
@@ -227,7 +236,8 @@ void Flow::set_solid_nodes(const std::vector<std::uint16_t>& solid) {
           const std::uint16_t body = solid[grid().index(end.x, end.y, end.z)];
           if (body == 0) continue;
           const bool across = end != Node{x + c[0], y + c[1], z + c[2]};
-          StillLinks& links = depends_on_side({x, y, z}, across) ? links_at_sides_ : solid_node_links_;
+          StillLinks& links =
+              across || open_side_within(settings_, {x, y, z}, 2) ? links_at_sides_ : solid_node_links_;
           links.add({x, y, z}, i, body - 1U, {x + 0.5 * c[0], y + 0.5 * c[1], z + 0.5 * c[2]}, populations_);
         }
       }
@@ -245,22 +255,32 @@ std::vector<std::uint8_t> Flow::needed_nodes() const {
     z = g.wrap_z(z);
     if (g.inside(x, y, z)) needed[g.index(x, y, z)] = 1;
   };
-  const int reach_z = g.nz > 0 ? 1 : 0;
+  const int reach = other_walls_ ? 1 : 0;
+  const int reach_z = g.nz > 0 ? reach : 0;
   for (int row = 0; row < g.rows(); ++row) {
     const int y = row % g.ny;
     const int z = row / g.ny;
     for (int x = 0; x < g.nx; ++x) {
-      if ((cells_.state(x, y, z) & cell_obstacle) != 0) continue;
+      if ((cells_.state(x, y, z) & cell_obstacle) != 0) {
+        // Ends of links of nodes that an open side looks at.
+        if (open_side_within(settings_, {x, y, z}, 3)) mark(x, y, z);
+        continue;
+      }
       for (int dz = -reach_z; dz <= reach_z; ++dz) {
-        for (int dy = -1; dy <= 1; ++dy) {
-          for (int dx = -1; dx <= 1; ++dx) mark(x + dx, y + dy, z + dz);
+        for (int dy = -reach; dy <= reach; ++dy) {
+          for (int dx = -reach; dx <= reach; ++dx) mark(x + dx, y + dy, z + dz);
         }
       }
     }
   }
   const auto held = std::count(needed.begin(), needed.end(), 1);
   constexpr double worthwhile = 0.9;
-  if (static_cast<double>(held) > worthwhile * static_cast<double>(needed.size())) needed.clear();
+  Grid alone = g;
+  alone.ranks = 1;
+  alone.rank = 0;
+  const bool places_fit = Populations::plane_of(alone) <= std::numeric_limits<std::int32_t>::max();
+  if (!places_fit || static_cast<double>(held) > worthwhile * static_cast<double>(needed.size()))
+    needed.clear();
   return needed;
 }
 
@@ -271,15 +291,7 @@ void Flow::drop_solid_nodes() {
   if (obstacles_) link_obstacles();
 }
 
-// Links of solid nodes that nothing looks at before the step. Blocks name places with 31 bits: where one
-// population has more of them, 16 GiB, links are reflected before a step along rows.
-bool Flow::reflects_within_step() const {
-  return !halo_ && !solid_node_links_.empty() &&
-         populations_.plane() < std::numeric_limits<std::int32_t>::max() && !obstacles_ && !wet_ &&
-         bodies_.empty() && saturated_.empty();
-}
-
-void Flow::apply_rules(Parity parity, bool sides_complete, bool within_step) {
+void Flow::apply_rules(Parity parity, bool sides_complete) {
   const bool compressible = settings_.equilibrium == EquilibriumModel::compressible;
   exchange_and_reflect(populations_, parity, settings_.sides, {halo_.get(), halo_ && looks_beside()});
   if (obstacles_) obstacle_links_.reflect(populations_, parity, compressible);
@@ -288,7 +300,7 @@ void Flow::apply_rules(Parity parity, bool sides_complete, bool within_step) {
   if (!outline_links_.empty())
     outline_links_.reflect(populations_, parity, compressible, settings_.acceleration);
   if (!links_at_sides_.empty()) links_at_sides_.reflect(populations_, parity);
-  if (!solid_node_links_.empty() && !within_step) solid_node_links_.reflect(populations_, parity);
+  if (!solid_node_links_.empty()) solid_node_links_.reflect(populations_, parity);
   if (obstacles_) obstacle_edges_.close(populations_, parity, compressible);
   // Edges replace what fluid nodes of two slabs may exchange.
   const auto tell = [&] {
@@ -381,9 +393,8 @@ int Flow::threads() const {
 void Flow::run(std::size_t steps) {
   const Parity start = populations_.parity();
   const Parity other = start == Parity::even ? Parity::odd : Parity::even;
-  const bool within_step = reflects_within_step();
-  const bool in_blocks = within_step || populations_.packed();
-  if (in_blocks) blocks_.follow(cells_, populations_, within_step ? &solid_node_links_ : nullptr);
+  const bool in_blocks = populations_.packed();
+  if (in_blocks) blocks_.follow(cells_, populations_);
   const FluidNodes nodes{cells_.rows(), in_blocks ? &blocks_ : nullptr};
   on_team_of(threads(), [&] {
     for (std::size_t n = 0; n < steps; ++n) {
@@ -392,7 +403,7 @@ void Flow::run(std::size_t steps) {
 #pragma omp master
         halo_->stepped(parity);
       }
-      if (n > 0 || !rules_applied_) apply_rules(parity, n == 0 && sides_complete_, within_step && n > 0);
+      if (n > 0 || !rules_applied_) apply_rules(parity, n == 0 && sides_complete_);
       if (measure_bodies_ && !bodies_.empty()) bodies_.add_loads(populations_, parity);
       if (saturated_.empty()) {
         step_(populations_, parity, nodes, parameters_);

@@ -93,7 +93,10 @@ public:
   MoveCounts move_wet_surface(std::span<const double> positions, std::span<const double> velocities,
                               double velocity_scale);
   /// Grains in the fluid, lattice units, as partially saturated cells.
-  void place_grains(const Grains& grains) { saturated_.place(grains, cells_); }
+  void place_grains(const Grains& grains) {
+    expect_other_walls();
+    saturated_.place(grains, cells_);
+  }
   [[nodiscard]] SaturatedCells& grains() { return saturated_; }
   [[nodiscard]] const SaturatedCells& grains() const { return saturated_; }
   /// Discs and spheres with walls between the nodes, lattice units; `fill` gives populations to nodes they
@@ -104,7 +107,8 @@ public:
   /// Fixed solid nodes with walls half-way on their links, as from an image. `solid` has one entry per node
   /// (Grid::index): 0 in the fluid, one more than the number of the body elsewhere. To be called before the
   /// first step, and after `set_obstacles`.
-  void set_solid_nodes(const std::vector<std::uint16_t>& solid);
+  /// `other_walls`: a wet surface, bodies or grains will be there as well; refused without.
+  void set_solid_nodes(const std::vector<std::uint16_t>& solid, bool other_walls = false);
   /// What the flow can be given back later: everything but the surfaces and the sides' values.
   struct State {
     std::vector<double> populations;
@@ -166,15 +170,19 @@ private:
   MoveCounts place(std::span<const double> positions, std::span<const double> velocities,
                    double velocity_scale, bool fill);
   void link_obstacles();
-  // The nodes that need memory where the solid's has been given up; empty where that saves too little.
+  template <class Visit>
+  void visit_walls(const Populations::Packing& packing, Visit&& visit) const;
+  // Throws std::logic_error where set_solid_nodes was told that there are none.
+  void expect_other_walls() const;
+  // The nodes that need memory where the solid's has been given up: fluid, and nodes that a rule for links
+  // writes to. Empty where that saves too little.
   [[nodiscard]] std::vector<std::uint8_t> needed_nodes() const;
   void drop_solid_nodes();
-  void apply_rules(Parity parity, bool sides_complete, bool within_step = false);
+  void apply_rules(Parity parity, bool sides_complete);
   // Where ranks share the grid: what the rules wrote beyond this one's slab goes there, before anything
   // moves.
   void settle();
   [[nodiscard]] bool looks_beside() const;
-  [[nodiscard]] bool reflects_within_step() const;
 
   FlowSettings settings_;
   Populations populations_;
@@ -204,6 +212,7 @@ private:
   std::vector<std::uint32_t> outline_bodies_;  // per node of the obstacles' outlines
   std::vector<double> placed_;                 // positions and velocities as last given
   bool packs_alone_ = false;                   // one process would give up memory of solid nodes
+  bool other_walls_ = true;                    // than those of solid nodes may be there
   std::vector<double> obstacle_bounds_;        // left, bottom, right, top in lattice coordinates
 };
 

@@ -33,6 +33,25 @@ LayerRange part_of(const Grid& grid, int rank) {
 
 }  // namespace
 
+// Links from fluid nodes to nodes that would have no memory: direction and its opposite, the nodes' numbers
+// in the whole grid.
+template <class Visit>
+void Flow::visit_walls(const Populations::Packing& packing, Visit&& visit) const {
+  const LatticeTable& lattice = populations_.lattice();
+  for (int row = 0; row < grid().rows(); ++row) {
+    for (const Span span : cells_.row(row)) {
+      for (int x = span.begin; x < span.end; ++x) {
+        const std::ptrdiff_t node = populations_.number_in_grid(populations_.row_start(row) + x);
+        for (int i = 1; i < lattice.count; ++i) {
+          const std::ptrdiff_t beyond = node + populations_.step(i);
+          if (packing.places[static_cast<std::size_t>(beyond)] < 0)
+            visit(i, lattice.opposite[i], node, beyond);
+        }
+      }
+    }
+  }
+}
+
 void Flow::gather(State& state) {
   if (!halo_) {
     copy_to(state);
@@ -83,6 +102,14 @@ void Flow::gather(State& state) {
           state.populations[i * static_cast<std::size_t>(plane) + n];
     }
   }
+  // After an odd step what left towards a wall stands beyond it.
+  if (state.parity == Parity::odd) {
+    visit_walls(packing, [&](int i, int opposite, std::ptrdiff_t node, std::ptrdiff_t beyond) {
+      packed[static_cast<std::size_t>(opposite * packing.plane +
+                                      packing.places[static_cast<std::size_t>(node)])] =
+          state.populations[static_cast<std::size_t>(i * plane + beyond)];
+    });
+  }
   state.populations = std::move(packed);
 }
 
@@ -107,6 +134,10 @@ void Flow::scatter(State& state) {
                                 static_cast<std::size_t>(packing.places[n])];
         }
       }
+      visit_walls(packing, [&](int i, int opposite, std::ptrdiff_t node, std::ptrdiff_t beyond) {
+        unpacked[static_cast<std::size_t>(i * plane + beyond)] = state.populations[static_cast<std::size_t>(
+            opposite * packing.plane + packing.places[static_cast<std::size_t>(node)])];
+      });
       state.populations = std::move(unpacked);
     }
   }

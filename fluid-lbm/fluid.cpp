@@ -75,7 +75,11 @@ v1::Exchange Fluid::start(const v1::Exchange& initial, const std::filesystem::pa
     flow_->set_obstacles(scene_.obstacle_positions.size() / 2, scene_.obstacle_connectivity,
                          scene_.obstacle_positions, scene_.outline_rule, scene_.obstacle_of_point);
   }
-  if (!scene_.solid_nodes.empty()) flow_->set_solid_nodes(scene_.solid_nodes);
+  if (!scene_.solid_nodes.empty()) {
+    const bool other_walls =
+        initial.has_wet_surface() || initial.has_grain_states() || !scene_.round_obstacles.empty();
+    flow_->set_solid_nodes(scene_.solid_nodes, other_walls);
+  }
   if (initial.has_wet_surface()) take_surface(initial);
   grains_.start(initial, flow_->grid(), scene_.units);
   bodies_ = std::make_unique<BodyMotion>(scene_);

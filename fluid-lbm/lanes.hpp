@@ -5,6 +5,7 @@
 // a vector whose other lanes are neither read nor written.
 #pragma once
 
+#include <bit>
 #include <cmath>
 #include <cstddef>
 #include <cstring>
@@ -121,6 +122,64 @@ template <class Real>
 #else
   for (int k = 0; k < Lanes<Real>::count; ++k) {
     if ((bits >> k & 1U) != 0) to[k] = value[k];
+  }
+#endif
+}
+
+/// Lanes of eight that lie in memory without gaps (`some`, and as many of the first lanes: `first`), and
+/// lanes that lie where they are counted (`others`).
+struct SpreadLanes {
+  unsigned some;
+  unsigned first;
+  unsigned others;
+};
+/// As many lanes as a vector has, from `lane` on: those of `some` from `packed`, those of `others` from
+/// `from`, the rest zero. Both are of lane 0.
+template <class Real>
+[[gnu::always_inline]] inline typename Lanes<Real>::Vector load_spread(const Real* packed, const Real* from,
+                                                                       const SpreadLanes& lanes, int lane) {
+#if defined(__AVX512VL__)
+  static_cast<void>(lane);  // 0
+  const auto some = static_cast<__mmask8>(lanes.some);
+  if constexpr (std::is_same_v<Real, double>) {
+    return _mm512_mask_expand_pd(load_lanes(from, lanes.others), some, load_lanes(packed, lanes.first));
+  } else {
+    return _mm256_mask_expand_ps(load_lanes(from, lanes.others), some, load_lanes(packed, lanes.first));
+  }
+#else
+  typename Lanes<Real>::Vector value{};
+  packed += std::popcount(lanes.some & ((1U << lane) - 1U));
+  for (int k = 0; k < Lanes<Real>::count; ++k) {
+    if ((lanes.some >> (lane + k) & 1U) != 0) {
+      value[k] = *packed++;
+    } else if ((lanes.others >> (lane + k) & 1U) != 0) {
+      value[k] = from[lane + k];
+    }
+  }
+  return value;
+#endif
+}
+/// And back.
+template <class Real>
+[[gnu::always_inline]] inline void store_spread(Real* packed, Real* to, const SpreadLanes& lanes, int lane,
+                                                const typename Lanes<Real>::Vector& value) {
+#if defined(__AVX512VL__)
+  static_cast<void>(lane);
+  const auto some = static_cast<__mmask8>(lanes.some);
+  if constexpr (std::is_same_v<Real, double>) {
+    store_lanes(packed, lanes.first, _mm512_maskz_compress_pd(some, value));
+  } else {
+    store_lanes(packed, lanes.first, _mm256_maskz_compress_ps(some, value));
+  }
+  store_lanes(to, lanes.others, value);
+#else
+  packed += std::popcount(lanes.some & ((1U << lane) - 1U));
+  for (int k = 0; k < Lanes<Real>::count; ++k) {
+    if ((lanes.some >> (lane + k) & 1U) != 0) {
+      *packed++ = value[k];
+    } else if ((lanes.others >> (lane + k) & 1U) != 0) {
+      to[lane + k] = value[k];
+    }
   }
 #endif
 }

@@ -16,9 +16,24 @@ template <class Lattice>
 struct Places {
   Places() = default;
   Places(const Populations& p, Parity parity, std::ptrdiff_t node) {
-    for (int i = 0; i < Lattice::count; ++i) {
-      incoming[static_cast<std::size_t>(i)] = p.incoming(parity, i, node) - node;
-      leaving[static_cast<std::size_t>(i)] = p.post_collision(parity, i, node) - node;
+    // Neighbours in a row are neighbours in memory, which is kept for all nodes near open sides.
+    std::array<std::ptrdiff_t, 9> row;
+    constexpr int beside = Lattice::dimension == 3 ? 1 : 0;
+    for (int z = -beside; z <= beside; ++z) {
+      for (int y = -1; y <= 1; ++y)
+        row[static_cast<std::size_t>(3 * (z + beside) + y + 1)] =
+            p.place(node + z * p.layer() + y * p.pitch()) - node;
+    }
+    const auto slot = [&](int plane, int x, int y, int z) {
+      return plane * p.plane() + row[static_cast<std::size_t>(3 * (z + beside) + y + 1)] + x;
+    };
+    for (std::size_t i = 0; i < Lattice::count; ++i) {
+      const auto& c = Lattice::velocity[i];
+      const int own = static_cast<int>(i);
+      const int opposite = Lattice::opposite[i];
+      const bool even = parity == Parity::even;
+      incoming[i] = even ? slot(opposite, -c[0], -c[1], -c[2]) : slot(own, 0, 0, 0);
+      leaving[i] = even ? slot(opposite, 0, 0, 0) : slot(own, c[0], c[1], c[2]);
     }
   }
   std::array<std::ptrdiff_t, Lattice::count> incoming;

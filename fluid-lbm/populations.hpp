@@ -14,6 +14,9 @@
 // functions `post_collision` and `incoming`. What a rule writes for a link to a node that is no fluid is a
 // place that no fluid node's post-collision value occupies, so rules can be applied in any order, and twice.
 //
+// Beyond a node without memory (`pack`) stands a wall at rest half-way: what left towards it is what reaches
+// the node from it, one value, slot[opposite i](x) after either kind of step. Nothing has to reflect it.
+//
 // What is stored is the difference to the fluid at rest, f_i - w_i (reference density 1): it keeps the digits
 // that carry the flow when the Mach number is small, and makes every pressure a gauge pressure.
 #pragma once
@@ -107,12 +110,12 @@ public:
   };
   /// Of a grid that this process holds alone, whatever this one's memory is like.
   [[nodiscard]] Packing packing_of(const std::vector<std::uint8_t>& needed) const;
-  /// Gives up the memory of the nodes that never will be fluid nor next to fluid: `needed` says so of each
-  /// node (Grid::index). Nodes of the grid's outermost layer keep theirs. Rows then lie in memory without
-  /// their long gaps, each stretch of needed nodes together, so that a stretch of a row and the nodes beside
-  /// it in the rows around stand at constant distances. Slots learned before are worth nothing afterwards.
+  /// Gives up the memory of the nodes that never will be fluid nor an end of a link that some rule writes to:
+  /// `needed` says so of each node (Grid::index). Nodes of the grid's outermost layer keep theirs. The nodes
+  /// of a row that are left follow each other without gaps. Slots learned before are worth nothing
+  /// afterwards.
   void pack(const std::vector<std::uint8_t>& needed);
-  /// Places of a row and of its neighbours are at constant distances along stretches of fluid only.
+  /// Places of neighbours in different rows are then at no constant distances.
   [[nodiscard]] bool packed() const { return !places_.empty(); }
   /// Whether the node has memory.
   [[nodiscard]] bool holds(std::ptrdiff_t node) const {
@@ -120,10 +123,12 @@ public:
   }
 
   [[nodiscard]] std::ptrdiff_t post_collision(Parity parity, int i, std::ptrdiff_t node) const {
-    return parity == Parity::even ? slot(opposite(i), node) : slot(i, node + step(i));
+    if (parity == Parity::even || !holds(node + step(i))) return slot(opposite(i), node);
+    return slot(i, node + step(i));
   }
   [[nodiscard]] std::ptrdiff_t incoming(Parity parity, int i, std::ptrdiff_t node) const {
-    return parity == Parity::even ? slot(opposite(i), node - step(i)) : slot(i, node);
+    if (parity == Parity::odd || !holds(node - step(i))) return slot(i, node);
+    return slot(opposite(i), node - step(i));
   }
 
   /// A population, wherever it is kept.

@@ -6,48 +6,35 @@ namespace estuary::fluid {
 
 void StillLinks::clear() {
   links_.clear();
+  apart_.clear();
   places_.clear();
 }
 
 void StillLinks::add(Node node, int i, std::uint32_t body, const std::array<double, 3>& arm,
                      const Populations& layout) {
   const std::ptrdiff_t here = layout.node(node.x, node.y, node.z);
-  links_.push_back(
-      {layout.post_collision(Parity::even, i, here), layout.post_collision(Parity::odd, i, here)});
+  const Link link{layout.post_collision(Parity::even, i, here), layout.post_collision(Parity::odd, i, here)};
+  links_.push_back(link);
+  if (layout.packed() && link.at_node != link.at_neighbour) apart_.push_back(link);
   places_.push_back({body, i, arm});
 }
 
 void StillLinks::reflect(Populations& populations, Parity parity) const {
   constexpr std::size_t piece = 1024;
-  const auto pieces = static_cast<std::ptrdiff_t>((links_.size() + piece - 1) / piece);
+  const std::vector<Link>& links = populations.packed() ? apart_ : links_;
+  const auto pieces = static_cast<std::ptrdiff_t>((links.size() + piece - 1) / piece);
   populations.visit([&](auto* const f) {
 #pragma omp for schedule(static)
     for (std::ptrdiff_t n = 0; n < pieces; ++n) {
       const std::size_t begin = static_cast<std::size_t>(n) * piece;
-      const std::size_t end = std::min(begin + piece, links_.size());
+      const std::size_t end = std::min(begin + piece, links.size());
       if (parity == Parity::even) {
-        put_beyond(f, begin, end);
+        for (std::size_t k = begin; k < end; ++k) f[links[k].at_neighbour] = f[links[k].at_node];
       } else {
-        take_back(f, begin, end);
+        for (std::size_t k = begin; k < end; ++k) f[links[k].at_node] = f[links[k].at_neighbour];
       }
     }
   });
-}
-
-std::size_t StillLinks::first_from(std::ptrdiff_t place, const Populations& populations) const {
-  // Both places of a link are known, not its node: after an even step what left stands at the node.
-  std::size_t begin = 0;
-  std::size_t end = links_.size();
-  while (begin < end) {
-    const std::size_t middle = begin + (end - begin) / 2;
-    const int back = populations.lattice().opposite[places_[middle].direction];
-    if (links_[middle].at_node - back * populations.plane() < place) {
-      begin = middle + 1;
-    } else {
-      end = middle;
-    }
-  }
-  return begin;
 }
 
 void StillLinks::add_load(const Populations& populations, Parity parity, std::size_t number,

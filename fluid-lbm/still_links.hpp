@@ -2,8 +2,8 @@
 // link.
 //
 // What leaves a fluid node x along i comes back to it (Ladd 1994). With one copy of the populations both
-// stand in slot[opposite i](x) and slot[i](x + c_i), and change places with the kind of the step
-// (populations.hpp).
+// stand in slot[opposite i](x) and slot[i](x + c_i), and change places with the kind of the step; or, where
+// the solid node has no memory, both in the first, and nothing is to be done (populations.hpp).
 #pragma once
 
 #include <array>
@@ -27,20 +27,6 @@ public:
   [[nodiscard]] bool empty() const { return links_.empty(); }
   /// Every thread of a parallel region calls it.
   void reflect(Populations& populations, Parity parity) const;
-  /// For a step that passes over blocks of nodes (blocks.hpp), of links begin <= n < end: puts what left the
-  /// nodes where the nodes beyond the walls would have sent it from, and takes back what left the nodes
-  /// towards them.
-  template <class Stored>
-  void put_beyond(Stored* f, std::size_t begin, std::size_t end) const {
-    for (std::size_t n = begin; n < end; ++n) f[links_[n].at_neighbour] = f[links_[n].at_node];
-  }
-  template <class Stored>
-  void take_back(Stored* f, std::size_t begin, std::size_t end) const {
-    for (std::size_t n = begin; n < end; ++n) f[links_[n].at_node] = f[links_[n].at_neighbour];
-  }
-  [[nodiscard]] std::size_t count() const { return links_.size(); }
-  /// The first link of a node that stands at `place` or behind it in memory.
-  [[nodiscard]] std::size_t first_from(std::ptrdiff_t place, const Populations& populations) const;
   /// Momentum exchange, as `reflect` left the populations; on all bodies, or on one.
   [[nodiscard]] BodyLoad load(const Populations& populations, Parity parity) const;
   [[nodiscard]] BodyLoad load(const Populations& populations, Parity parity, std::uint32_t body) const;
@@ -59,6 +45,7 @@ private:
 
   Ranks* ranks_ = nullptr;
   std::vector<Link> links_;
+  std::vector<Link> apart_;  // where some solid nodes have no memory, those to reflect
   std::vector<Place> places_;
 };
 

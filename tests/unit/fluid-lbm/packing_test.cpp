@@ -4,6 +4,7 @@
 
 #include <algorithm>
 #include <random>
+#include <stdexcept>
 #include <string>
 #include <vector>
 
@@ -86,7 +87,7 @@ struct Result {
   int threads = 0;
 };
 
-// A body where nothing sees it. Flows with bodies step along their rows and reflect at links before the step.
+// A body where nothing sees it. Flows with bodies reflect at all links before the step.
 void place_body_in_a_grain(Flow& flow, const std::vector<std::uint16_t>& solid) {
   const Grid& grid = flow.grid();
   const int reach = grid.nz > 0 ? 1 : 0;
@@ -118,7 +119,7 @@ Result run(FlowSettings settings, bool drop, int threads, bool by_rows = false) 
   settings.drop_solid_nodes = drop;
   Flow flow(settings);
   const std::vector<std::uint16_t> solid = grains_of(settings.grid);
-  flow.set_solid_nodes(solid);
+  flow.set_solid_nodes(solid, by_rows);
   if (by_rows) place_body_in_a_grain(flow, solid);
   Fields start;
   std::mt19937 random(3);
@@ -188,6 +189,9 @@ TEST(Packing, ChangesNoBit) {
         EXPECT_TRUE(packed.packed) << which;
         expect_same(packed, rows, which);
         expect_same(run(settings, false, 1), rows, which + " not packed");
+        const Result beside = run(settings, true, 1, true);
+        EXPECT_TRUE(beside.packed) << which;
+        expect_same(beside, rows, which + " with other walls");
       }
     }
   }
@@ -247,6 +251,15 @@ TEST(Packing, ChangesNoBitOfAnyVariant) {
   }
   EXPECT_EQ(variants, 80);
   omp_set_num_threads(threads_before);
+}
+
+// Bodies need the memory of solid nodes beside the fluid.
+TEST(Packing, RefusesOtherWallsWhenToldOfNone) {
+  Flow flow(settings_of(grid_of(71, 53), true, Storage::double_precision));
+  flow.set_solid_nodes(grains_of(flow.grid()));
+  EXPECT_THROW(flow.place_bodies({2, {5, 5}, {0.3}, {0, 0}, {0}}, {WallRule::linear}, false),
+               std::logic_error);
+  EXPECT_THROW(flow.set_wet_surface(2, {0, 1, 1, 0}), std::logic_error);
 }
 
 // Where there is little to save nothing is moved.
