@@ -19,13 +19,15 @@ struct Places {
     // Neighbours in a row are neighbours in memory, which is kept for all nodes near open sides.
     std::array<std::ptrdiff_t, 9> row;
     constexpr int beside = Lattice::dimension == 3 ? 1 : 0;
+    const auto number = [](int y, int z) {
+      const int entry = 3 * (z + beside) + y + 1;
+      return static_cast<std::size_t>(entry);
+    };
     for (int z = -beside; z <= beside; ++z) {
-      for (int y = -1; y <= 1; ++y)
-        row[static_cast<std::size_t>(3 * (z + beside) + y + 1)] =
-            p.place(node + z * p.layer() + y * p.pitch()) - node;
+      for (int y = -1; y <= 1; ++y) row[number(y, z)] = p.place(node + z * p.layer() + y * p.pitch()) - node;
     }
     const auto slot = [&](int plane, int x, int y, int z) {
-      return plane * p.plane() + row[static_cast<std::size_t>(3 * (z + beside) + y + 1)] + x;
+      return plane * p.plane() + row[number(y, z)] + x;
     };
     for (std::size_t i = 0; i < Lattice::count; ++i) {
       const auto& c = Lattice::velocity[i];
