@@ -134,11 +134,7 @@ void ShellSolver::advance(State& state, const Loading& given, double duration, s
     // Half-way through the step, where the rates are those of the motion.
     if (!loading.moments.empty() || loading.couples)
       state.external_work += row_.moment_work(loading, time - 0.5 * dt, middle, dt, history_);
-    if (sweep(state.displacement, row_.remembers(), foreseen) > 0) {
-      for (std::size_t i = 0; i < n; ++i)
-        if (!std::isfinite(fields_.force[2 * i] + fields_.force[2 * i + 1] + row_.moments()[i]))
-          throw Breakdown(i, step, std::numeric_limits<double>::quiet_NaN());
-    }
+    if (sweep(state.displacement, row_.remembers(), foreseen) > 0) refuse_what_is_not_finite(step);
     if (row_.breakable() && row_.break_links(history_) > 0) {
       row_.drop_broken(history_, loading);
       sweep(state.displacement, false, foreseen);
@@ -166,6 +162,12 @@ void ShellSolver::advance(State& state, const Loading& given, double duration, s
   state.external_work += gravity_work();
 }
 
+void ShellSolver::refuse_what_is_not_finite(std::uint64_t step) {
+  for (std::size_t i = 0; i < body_.size(); ++i)
+    if (!std::isfinite(fields_.force[2 * i] + fields_.force[2 * i + 1] + row_.moments()[i]))
+      throw Breakdown(i, step, std::numeric_limits<double>::quiet_NaN());
+}
+
 EquilibriumReport ShellSolver::relax(std::vector<double>& displacement, const Loading& loading, double time,
                                      const EquilibriumSettings& settings, const Monitor& monitor) {
   constexpr std::uint64_t kBlock = 50;
@@ -186,8 +188,7 @@ EquilibriumReport ShellSolver::relax(std::vector<double>& displacement, const Lo
   // Moments count by the force that makes them along a link.
   const double arm = body_.mean_spacing();
   for (;; ++report.steps) {
-    if (evaluate(displacement) > 0)
-      throw Breakdown(0, report.steps, std::numeric_limits<double>::quiet_NaN());
+    if (evaluate(displacement) > 0) refuse_what_is_not_finite(report.steps);
     const double energy_scale = energy(displacement);
     external.set(1, time, displacement);
     add_loads(loading, external, time, 1);
@@ -236,7 +237,11 @@ EquilibriumReport ShellSolver::relax(std::vector<double>& displacement, const Lo
         near_before = near;
         damping = weight > 0 && stiffness > 0 ? 2 * std::sqrt(stiffness / weight) : 0;
       }
-      if (report.steps >= settings.maximum_steps || !std::isfinite(energy_scale)) return report;
+      if (report.steps >= settings.maximum_steps || !std::isfinite(energy_scale)) {
+        // It may be what keeps the rest from coming to rest, and says more than that it does not.
+        row_.refuse_folded(report.steps);
+        return report;
+      }
       dt = 0.9 / std::sqrt(row_.largest_stiffening());
       damping = std::min(damping, 1 / dt);
       before = displacement;

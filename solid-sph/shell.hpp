@@ -65,6 +65,9 @@ private:
   /// Gravity, forces and moments at `time` on top of the internal ones.
   void add_loads(const Loading& loading, const ExternalForces& external, double time, double fraction);
 
+  /// Throws Breakdown for the first particle whose forces are not finite.
+  void refuse_what_is_not_finite(std::uint64_t step);
+
   ShellRow row_;
 };
 

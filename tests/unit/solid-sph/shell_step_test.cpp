@@ -1,7 +1,9 @@
 // Steps and balances of shells in motion: the bound of the step against the tangent's own eigenvalues, what
 // viscosity takes in any state, and the work of a moment against what is stored, dissipated and moving.
 #include <gtest/gtest.h>
+#include <omp.h>
 
+#include <limits>
 #include <numbers>
 
 #include "bodies.hpp"
@@ -145,6 +147,55 @@ TEST(ShellStep, ALinkThatFoldsIsNamedOrBreaks) {
         EXPECT_FALSE(breakdown.advice.empty());
       }
     }
+}
+
+TEST(ShellStep, ARelaxationThatEndsBesideItsEquilibriumNamesTheLinkThatFolded) {
+  const ShellSection section = steel(0.05);
+  const Body body = fill_row({{{0, 0}, {1, 0}}}, false, 0.1, section);
+  ShellSolver solver(body, {section});
+  std::vector<double> history = solver.history();
+  history[2 * 4] = history[2 * 5] = 2;  // fibres beyond a right angle: x'.t = cos 2
+  solver.set_history(history);
+  std::vector<double> displacement(2 * body.size(), 0.0);
+  EquilibriumSettings settings;
+  settings.maximum_steps = 0;
+  try {
+    solver.relax(displacement, {}, 0, settings, test::no_monitor);
+    FAIL();
+  } catch (const Breakdown& breakdown) {
+    EXPECT_EQ(breakdown.particle, 4U);
+    EXPECT_NE(std::string(breakdown.what()).find("folded"), std::string::npos);
+  }
+}
+
+TEST(ShellStep, ATeamCountsAndNamesWhatOneThreadDoes) {
+  // Enough particles for a team; what is wrong lies in the share of one of its threads alone.
+  const std::size_t n = 2 * kSerialBelow;
+  const ShellSection section = steel(0.05);
+  const Body body = fill_row({{{0, 0}, {1, 0}}}, false, 1.0 / static_cast<double>(n - 1), section);
+  ASSERT_EQ(body.size(), n);
+  const int threads = omp_get_max_threads();
+  for (const int team : {1, 2, 3})
+    for (const std::size_t at : {std::size_t{10}, n - 10}) {
+      omp_set_num_threads(team);
+      ShellRow row(body, {section});
+      Fields fields(n), fresh(n);
+      std::vector<double> displacement(2 * n, 0.0), history = row.rest_history();
+      displacement[2 * at] = std::numeric_limits<double>::quiet_NaN();
+      // Its own forces and those of both its neighbours.
+      EXPECT_EQ(row.evaluate(displacement, history, false, fields), 3) << team << ' ' << at;
+      displacement[2 * at] = 0;
+      history[2 * at] = history[2 * (at + 1)] = 2;
+      EXPECT_EQ(row.evaluate(displacement, history, false, fresh), 0);
+      try {
+        row.refuse_folded(7);
+        ADD_FAILURE() << "with " << team << " threads nothing has folded";
+      } catch (const Breakdown& breakdown) {
+        EXPECT_EQ(breakdown.particle, at);
+        EXPECT_EQ(breakdown.step, 7U);
+      }
+    }
+  omp_set_num_threads(threads);
 }
 
 // A moment put at once on the end of a clamped strip for a given time: by how much what is stored, dissipated
