@@ -9,7 +9,9 @@ namespace estuary::coupler {
 namespace {
 
 constexpr int more_iterations = 10;
-constexpr int halvings = 20;
+constexpr int halvings = answer_calls - more_iterations;
+// Of an answer; numbers stored in single precision are rounded by 1e-7.
+constexpr double rounding = 1e-5;
 
 double share(const std::vector<double>& a, const std::vector<double>& b) {
   const double size = std::max(l2_norm(a), l2_norm(b));
@@ -52,12 +54,14 @@ std::optional<AnswerJump> find_jump(InterfaceState x, const Answer& answer, cons
     if (k == 0) continue;
     const Asked &a = asked[asked.size() - 2], &b = asked.back();
     const double way = distance(a, b);
-    if (way > 0 && difference(a.answer, b.answer) / way > slope) {
-      slope = difference(a.answer, b.answer) / way;
+    const double change = difference(a.answer, b.answer);
+    if (way > 0 && change > rounding && change / way > slope) {
+      slope = change / way;
       steepest = asked.size() - 1;
     }
   }
-  if (steepest == 0) return std::nullopt;
+  const bool settled = difference(asked[asked.size() - 2].answer, asked.back().answer) <= rounding;
+  if (steepest == 0 || settled) return std::nullopt;
   Asked a = std::move(asked[steepest - 1]), b = std::move(asked[steepest]);
   const double whole = difference(a.answer, b.answer);
   for (int k = 0; k < halvings; ++k) {
@@ -66,7 +70,7 @@ std::optional<AnswerJump> find_jump(InterfaceState x, const Answer& answer, cons
     const bool nearer = difference(a.answer, middle.answer) > difference(middle.answer, b.answer);
     (nearer ? b : a) = std::move(middle);
   }
-  if (!(difference(a.answer, b.answer) > 0.1 * whole)) return std::nullopt;
+  if (!(difference(a.answer, b.answer) > std::max(0.1 * whole, rounding))) return std::nullopt;
   return AnswerJump{.distance = distance(a, b),
                     .displacement = share(a.answer.motion.displacement, b.answer.motion.displacement),
                     .velocity = share(a.answer.motion.velocity, b.answer.motion.velocity),

@@ -24,7 +24,10 @@ using NextIterate = std::function<void(InterfaceState& motion, const InterfaceSt
 /// Iterates ten times more from `x` and takes the two iterates in a row between which the answer changes most
 /// for their distance; then halves the way between them 20 times, each time on to the half over which the
 /// answer changes more. A jump: over a millionth of the way it still changes by a tenth of what it changes
-/// over all of it. A steep but continuous answer is none. 30 calls of `answer`.
+/// over all of it, and by more than a hundred-thousandth of itself, which is no rounding. A steep but
+/// continuous answer is none, nor has an iteration a jump that only needs those ten more. `answer_calls`
+/// calls of `answer` at most.
+inline constexpr int answer_calls = 30;
 std::optional<AnswerJump> find_jump(InterfaceState x, const Answer& answer, const NextIterate& next);
 
 }  // namespace estuary::coupler

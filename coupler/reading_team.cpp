@@ -5,7 +5,7 @@
 
 #include <algorithm>
 #include <csignal>
-#include <system_error>
+#include <exception>
 
 namespace estuary::coupler {
 namespace {
@@ -38,8 +38,8 @@ void ReadingTeam::start() {
   try {
     while (helpers_.size() + 1 < static_cast<std::size_t>(threads_))
       helpers_.emplace_back([this] { wait_for_jobs(); });
-  } catch (const std::system_error&) {
-    threads_ = static_cast<int>(helpers_.size()) + 1;  // fewer will do
+  } catch (const std::exception&) {
+    threads_ = static_cast<int>(helpers_.size()) + 1;  // no thread or no memory for it: fewer will do
   }
   ::pthread_sigmask(SIG_SETMASK, &before, nullptr);
 }

@@ -1,5 +1,6 @@
 // A few threads for passes over more memory than a cache holds, where one processor waits for it alone. While
-// the coupler computes the participants wait for it, so their processors are free.
+// the coupler computes its participants wait for it, so that their processors are free, unless other runs
+// have them.
 #pragma once
 
 #include <atomic>

@@ -25,11 +25,10 @@ Conversation::Judgement Conversation::judge(const v1::Request& request) {
   if (header.run_id() != run_id_) return refuse(v1::Error::BUSY, fmt::format("busy with run {}", run_id_));
   // One process under two addresses: looked at before the order, because both count their requests from one.
   const std::string& role = request.configure().role();
-  if (role_.empty()) role_ = role;
-  if (!role.empty() && role != role_)
-    return refuse(
-        v1::Error::BUSY,
-        fmt::format("this process is '{}' of the same run; '{}' needs one of its own", role_, role));
+  if (!role.empty() && !role_.empty() && role != role_)
+    return refuse(v1::Error::BUSY, fmt::format("this process is '{}' of the same run; '{}' needs one of its "
+                                               "own: launch a second one and connect to that",
+                                               role_, role));
   const std::uint64_t sequence = header.sequence();
   if (last_reply_ && sequence == last_answered()) return {.course = Course::repeat};
   if (working_on_ != 0 && sequence == working_on_) return {.course = Course::ignore};
@@ -41,6 +40,7 @@ Conversation::Judgement Conversation::judge(const v1::Request& request) {
     return refuse(v1::Error::OUT_OF_ORDER,
                   fmt::format("request {} came while request {} is being worked on", sequence, working_on_));
   }
+  if (request.has_configure()) role_ = role;
   Judgement judgement;
   if (request.has_stop()) {
     stop_sequence_ = sequence;

@@ -56,7 +56,7 @@ def main():
     coupler = sys.argv[1]
     begin = time.time()
     with open(here / "stability_map.csv", "w", newline="") as file, tempfile.TemporaryDirectory() as folder:
-        table = csv.writer(file)
+        table = csv.writer(file, lineterminator="\n")
         table.writerow(["scheme", "acceleration", "density_ratio", "stiffness", "window", "exit_status",
                         "iterations_per_window", "windows", "largest_error", "verdict"])
         for (scheme, acceleration), window, stiffness, ratio in itertools.product(schemes, windows, stiffnesses,

@@ -261,7 +261,7 @@ class Reception:
         os.umask(before)
         self.patience = options.orphan_timeout or float("inf")
         self.computing = concurrent.futures.ThreadPoolExecutor(1)
-        self.owner, self.run, self.last_reply, self.counter = None, "", None, 0
+        self.owner, self.run, self.role, self.last_reply, self.counter = None, "", "", None, 0
         self.job = self.job_header = None
         self.last_progress = time.monotonic()
 
@@ -311,6 +311,11 @@ class Reception:
         self.run = self.run or header.run_id
         if header.run_id != self.run:
             return refuse("BUSY", f"busy with run {self.run}")
+        # One process under two addresses: looked at before the order, because both count their requests from one.
+        role = request.configure.role if request.WhichOneof("phase") == "configure" else ""
+        if role and self.role and role != self.role:
+            return refuse("BUSY", f"this process is '{self.role}' of the same run; '{role}' needs one of its own: launch a second one and connect to that")
+        self.role = role or self.role
         self.owner, self.out_of_reach_since = client, None
         answered = self.last_reply.header.sequence if self.last_reply else 0
         working = self.job_header.sequence if self.job else 0

@@ -138,7 +138,7 @@ def case_many_exchanges(place, windows=int(os.environ.get("ESTUARY_WINDOWS", "40
     run = Run(scene, place.folder / "out", limit=600 + 0.01 * windows)
     seen = []
     # Half-way between two checkpoints: writing one takes 5 MB for a moment, the first two leave them behind.
-    for window in (windows // 4 + 250, windows - windows // 10):
+    for window in (windows // 4 + 250, windows - windows // 10 - 150):
         run.wait_for_window(window)
         numbers = {"coupler": run.process.pid, **run.participants()}
         figures = {}

@@ -192,6 +192,8 @@ TEST(AnswerJump, IsFoundWhereALoadFallsAtOnce) {
 TEST(AnswerJump, SteepButContinuousAnswersHaveNone) {
   EXPECT_FALSE(jump_of([](double x) { return 1.0 - 0.4 * std::clamp(500 * (x - 1.2), 0.0, 1.0); }));
   EXPECT_FALSE(jump_of([](double) { return 1.0; }));
+  // Rounding is steep where iterates are close together, and grows no smaller with the way.
+  EXPECT_FALSE(jump_of([](double x) { return 1.0 + 1e-7 * std::sin(1e12 * x); }));
 }
 
 TEST(WindowSwing, SeesForcesThatSwingFasterThanWindowsResolve) {

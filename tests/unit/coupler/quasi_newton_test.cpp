@@ -2,8 +2,11 @@
 
 #include <gtest/gtest.h>
 
+#include <chrono>
 #include <cmath>
 #include <limits>
+#include <mutex>
+#include <set>
 #include <thread>
 #include <vector>
 
@@ -135,13 +138,23 @@ TEST(ReadingTeam, DoesEverythingOnceAndIsDoneWhenItReturns) {
   }
 }
 
-TEST(ReadingTeam, ReadsLittleAlone) {
+// Which threads take part, when each job lasts until others had time to come.
+std::size_t threads_of(std::size_t values) {
   ReadingTeam team(3);
-  const auto caller = std::this_thread::get_id();
-  int others = 0;
-  team.for_each(100, ReadingTeam::least_values - 1,
-                [&](std::size_t) { others += std::this_thread::get_id() == caller ? 0 : 1; });
-  EXPECT_EQ(others, 0);
+  std::mutex mutex;
+  std::set<std::thread::id> threads;
+  for (int call = 0; call < 50 && threads.size() < 3; ++call)
+    team.for_each(6, values, [&](std::size_t) {
+      std::this_thread::sleep_for(std::chrono::milliseconds(2));
+      const std::lock_guard lock(mutex);
+      threads.insert(std::this_thread::get_id());
+    });
+  return threads.size();
+}
+
+TEST(ReadingTeam, ReadsMuchTogetherAndLittleAlone) {
+  EXPECT_EQ(threads_of(ReadingTeam::least_values), 3U);
+  EXPECT_EQ(threads_of(ReadingTeam::least_values - 1), 1U);
 }
 
 TEST(MultiVectorQuasiNewton, LooksInOlderWindowsForWhatThisOneHasNotSeen) {
