@@ -101,12 +101,12 @@ GradientRow gradient_row(const Body& body, const ReferenceSearch& search, std::s
       }
       return candidate;
     }
-    if (order >= Order::mls_linear) {
+    if (is_moving_least_squares(order)) {
       offsets.insert(offsets.begin(), Offset{});
       try {
         const ShapeFunctions shape =
             moving_least_squares(offsets, kernel, h / scale, quadratic_exact(order) ? 2 : 1,
-                                 order >= Order::mls_linear_diffuse ? Derivative::diffuse : Derivative::full);
+                                 is_diffuse(order) ? Derivative::diffuse : Derivative::full);
         for (std::size_t k = 1; k < offsets.size(); ++k)
           candidate.gradient.push_back({shape.gradient[k][0] / scale, shape.gradient[k][1] / scale});
       } catch (const std::domain_error&) {

@@ -40,6 +40,12 @@ inline constexpr std::array<std::string_view, 8> kOrderNames{"linear",
 constexpr bool quadratic_exact(Order order) {
   return order == Order::quadratic || order == Order::mls_quadratic || order == Order::mls_quadratic_diffuse;
 }
+constexpr bool is_diffuse(Order order) {
+  return order == Order::mls_linear_diffuse || order == Order::mls_quadratic_diffuse;
+}
+constexpr bool is_moving_least_squares(Order order) {
+  return order == Order::mls_linear || order == Order::mls_quadratic || is_diffuse(order);
+}
 
 /// One point of a neighbourhood, relative to the place of evaluation and divided by the spacing.
 struct Offset {

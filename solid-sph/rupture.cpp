@@ -13,8 +13,8 @@ namespace {
 
 // A moment of links weaker than this share of the whole one's, in its weaker direction, makes no gradient.
 constexpr double kLeastMoment = 0.2;
-// The first link behind the tip of a crack that is about to grow stands kTip / (2 pi) spacings ahead of it,
-// by the traction across it: measured on a strip between grips.
+// The first whole link ahead of a crack that is about to grow counts as kTip / (4 pi) spacings ahead of its
+// tip: measured on a strip between grips.
 constexpr double kTip = 5.14;
 // C of a break beyond this is no deformation any more.
 constexpr double kLargest = 50;
@@ -216,10 +216,13 @@ double Rupture::traction_energy(std::size_t k, std::size_t i, std::span<const do
     ++ends;
   }
   if (ends == 0) return 0;
-  return 0.5 * (t[0] * t[0] + t[1] * t[1]) / (ends * ends * moduli_[body_.member[i]]);
+  // A closed crack has no K_I: what presses across the link opens nothing.
+  const double pull = std::max(0.0, (t[0] * x + t[1] * y) / r), slide = (t[1] * x - t[0] * y) / r;
+  return 0.5 * (pull * pull + slide * slide) / (ends * ends * moduli_[body_.member[i]]);
 }
 
-void Rupture::cut_crossing(std::size_t i, std::span<double> history) {
+bool Rupture::cut_crossing(std::size_t i, std::span<double> history) {
+  bool cut = false;
   const auto length = [&](std::uint32_t k) {
     return std::hypot(whole_.offset[2 * k], whole_.offset[2 * k + 1]);
   };
@@ -242,7 +245,9 @@ void Rupture::cut_crossing(std::size_t i, std::span<double> history) {
     history[k] = history[mirror_[k]] = 1;
     touch(static_cast<std::uint32_t>(i));
     touch(j);
+    cut = true;
   }
+  return cut;
 }
 
 double Rupture::overload(std::size_t k, std::size_t i, std::span<const double> u, const Loads& loads) const {
@@ -299,12 +304,16 @@ std::span<const std::uint32_t> Rupture::break_links(std::span<const double> u,
     touch(candidate.j);
     history[candidate.pair] = history[mirror_[candidate.pair]] = 1;
   }
-  const std::size_t broken = touched_.size();
-  for (std::size_t t = 0; t < broken; ++t) {
-    const std::uint32_t i = touched_[t];
-    cut_crossing(i, history);
-    for (std::uint32_t k = whole_.first[i]; k < whole_.first[i + 1]; ++k)
-      cut_crossing(whole_.neighbour[k], history);
+  // Until nothing changes, so that it does not matter who comes first: a longest link may hang on ones that
+  // are cut here.
+  for (bool cut = true; cut;) {
+    cut = false;
+    for (std::size_t t = 0, broken = touched_.size(); t < broken; ++t) {
+      const std::uint32_t i = touched_[t];
+      cut = cut_crossing(i, history) || cut;
+      for (std::uint32_t k = whole_.first[i]; k < whole_.first[i + 1]; ++k)
+        cut = cut_crossing(whole_.neighbour[k], history) || cut;
+    }
   }
   // Grows while it is worked off: whoever loses a link is fitted (again) afterwards.
   for (std::size_t t = 0; t < touched_.size(); ++t) {

@@ -3,10 +3,11 @@
 // A link breaks when its stretch, the mean plastic strain of its ends, or the energy that a crack through it
 // would set free per area passes a limit. With the spacing d, the traction t across the link (mean of both
 // ends, on the area at rest that stands across it), the modulus E' of a bar in the plane and the mean w_p of
-// both ends' plastic work that energy is kTip / 2 |t|^2 d / E' + 2 w_p d. At distance r ahead of a crack it
-// is that 2 pi r |t|^2 = K^2 = E' G (Irwin 1957), whatever is stressed along the crack; which r the first
-// link behind the tip stands for is measured (rupture.cpp). Flow localises in two spacings (crack band:
-// Bazant & Oh 1983). Of links that share an end only the one furthest past its limit breaks in a step.
+// both ends' plastic work that energy is kTip / 2 t^2 d / E' + 2 w_p d. Of t what pulls and what slides
+// counts, not what presses. At distance r ahead of a crack 2 pi r t^2 = K^2 = E' G (Irwin 1957), whatever is
+// stressed along the crack; which r the first whole link ahead of the tip stands for is measured
+// (rupture.cpp), with the default share of stabilisation in the stress. Flow localises in two spacings (crack
+// band: Bazant & Oh 1983). Of links that share an end only the one furthest past its limit breaks in a step.
 //
 // A crack is opaque: a link across which every way over a common neighbour, by two shorter links, is broken
 // breaks with them. Otherwise the diagonals would hold a crack that runs between two rows.
@@ -73,10 +74,11 @@ public:
   [[nodiscard]] std::array<double, 3> losses(std::span<const double> history) const;
 
 private:
-  /// |t|^2 / (2 E') of a link [J/m3].
+  /// t^2 / (2 E') of a link [J/m3].
   [[nodiscard]] double traction_energy(std::size_t pair, std::size_t i, std::span<const double> stress) const;
-  /// Breaks the longer links at a particle that are left without any way round.
-  void cut_crossing(std::size_t i, std::span<double> history);
+  /// Breaks the longer links at a particle that are left without any way round. Returns whether there were
+  /// any.
+  bool cut_crossing(std::size_t i, std::span<double> history);
   [[nodiscard]] double overload(std::size_t pair, std::size_t i, std::span<const double> displacement,
                                 const Loads& loads) const;
   [[nodiscard]] bool intact(std::span<const double> history, std::size_t pair) const {
