@@ -198,7 +198,9 @@ MoveCounts Flow::place_bodies(const Grains& bodies, const std::vector<WallRule>&
 }
 
 void Flow::expect_other_walls() const {
-  if (!other_walls_) throw std::logic_error("set_solid_nodes was told of no other walls");
+  if (!other_walls_)
+    throw std::logic_error(
+        "solid nodes without memory cannot lie beside other walls: give set_solid_nodes other_walls = true");
 }
 
 void Flow::set_solid_nodes(const std::vector<std::uint16_t>& solid, bool other_walls) {
