@@ -67,7 +67,8 @@ private:
   void iterate(InterfaceState& x);
   void judge(const InterfaceState& x, const InterfaceState& answer, IterationRow& row);
   void look_for_crossing();
-  // What is known of why the window failed, to add to what the user is told; asks the participants once more.
+  // What is known of why the window failed, to add to what the user is told; may ask the participants
+  // `answer_calls` times more.
   [[nodiscard]] RunFailure explained(const RunFailure& failure, InterfaceState x, bool settles);
   void accept_window(const char* verdict, double wall_s);
   void finish_window(const char* verdict, double residual, double wall_s);

@@ -60,6 +60,7 @@ Rupture::Rupture(const Body& body, Neighbourhood& pairs, std::vector<RuptureLimi
   for (std::size_t i = 0; i < body.size(); ++i)
     for (std::uint32_t k = pairs.first[i]; k < pairs.first[i + 1]; ++k) {
       const double r = std::hypot(pairs.offset[2 * k], pairs.offset[2 * k + 1]);
+      length_.push_back(r);
       weight_.push_back(-kernel_slope(kernel, r, body.smoothing_length) / r);
       const std::uint32_t j = pairs.neighbour[k];
       for (std::uint32_t m = pairs.first[j]; m < pairs.first[j + 1]; ++m)
@@ -205,7 +206,7 @@ void Rupture::restore(std::span<const double> history) {
 }
 
 double Rupture::traction_energy(std::size_t k, std::size_t i, std::span<const double> stress) const {
-  const double x = whole_.offset[2 * k], y = whole_.offset[2 * k + 1], r = std::hypot(x, y);
+  const double x = whole_.offset[2 * k], y = whole_.offset[2 * k + 1], r = length_[k];
   double t[2] = {0, 0};
   int ends = 0;
   for (const std::size_t end : {i, std::size_t{whole_.neighbour[k]}}) {
@@ -223,19 +224,16 @@ double Rupture::traction_energy(std::size_t k, std::size_t i, std::span<const do
 
 bool Rupture::cut_crossing(std::size_t i, std::span<double> history) {
   bool cut = false;
-  const auto length = [&](std::uint32_t k) {
-    return std::hypot(whole_.offset[2 * k], whole_.offset[2 * k + 1]);
-  };
   for (std::uint32_t k = whole_.first[i]; k < whole_.first[i + 1]; ++k) {
     if (!intact(history, k)) continue;
     const std::uint32_t j = whole_.neighbour[k];
-    const double shorter = (1 - 1e-6) * length(k);
+    const double shorter = (1 - 1e-6) * length_[k];
     int ways = 0, open = 0;
     for (std::uint32_t a = whole_.first[i]; a < whole_.first[i + 1]; ++a) {
-      if (!(length(a) < shorter)) continue;
+      if (!(length_[a] < shorter)) continue;
       const std::uint32_t over = whole_.neighbour[a];
       for (std::uint32_t b = whole_.first[over]; b < whole_.first[over + 1]; ++b) {
-        if (whole_.neighbour[b] != j || !(length(b) < shorter)) continue;
+        if (whole_.neighbour[b] != j || !(length_[b] < shorter)) continue;
         ++ways;
         if (intact(history, a) && intact(history, b)) ++open;
       }
@@ -255,7 +253,7 @@ double Rupture::overload(std::size_t k, std::size_t i, std::span<const double> u
   const RuptureLimits& limit = limits_[body_.member[i]];
   const double x = whole_.offset[2 * k], y = whole_.offset[2 * k + 1];
   const double stretch =
-      std::hypot(x + u[2 * j] - u[2 * i], y + u[2 * j + 1] - u[2 * i + 1]) / std::hypot(x, y) - 1;
+      std::hypot(x + u[2 * j] - u[2 * i], y + u[2 * j + 1] - u[2 * i + 1]) / length_[k] - 1;
   // What is pressed together does not part.
   if (!(stretch > 0)) return 0;
   const auto both = [&](std::size_t entry) {

@@ -109,6 +109,7 @@ private:
   std::vector<RuptureLimits> limits_;
   std::vector<double> moduli_;
   std::vector<std::array<double, 4>> cracks_;
+  std::vector<double> length_;         // at rest, of every pair [m]
   std::vector<double> weight_;         // |W'| / R of every pair
   std::vector<std::uint32_t> mirror_;  // the same pair seen from its other end
   std::vector<double> base_;
