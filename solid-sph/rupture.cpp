@@ -6,6 +6,8 @@
 #include <cmath>
 #include <stdexcept>
 
+#include "internal_force.hpp"
+#include "on_team.hpp"
 #include "tensor.hpp"
 
 namespace estuary::solid {
@@ -273,16 +275,25 @@ double Rupture::overload(std::size_t k, std::size_t i, std::span<const double> u
 
 bool Rupture::find_overloaded(std::span<const double> u, const Loads& loads,
                               std::span<const double> history) {
-  candidates_.clear();
-  for (std::uint32_t i = 0; i < body_.size(); ++i) {
-    if (!limits_[body_.member[i]].any()) continue;
-    for (std::uint32_t k = whole_.first[i]; k < whole_.first[i + 1]; ++k) {
-      const std::uint32_t j = whole_.neighbour[k];
-      if (j <= i || !intact(history, k) || (isolated_[i] != 0 && isolated_[j] != 0)) continue;
-      const double value = overload(k, i, u, loads);
-      if (value > 0) candidates_.push_back({value, k, i, j});
+  const std::size_t n = body_.size();
+  // Blocks that do not depend on the threads, put together in their order.
+  on_team(n > kSerialBelow, [&] {
+#pragma omp for schedule(static) nowait
+    for (std::size_t b = 0; b < found_.size(); ++b) {
+      found_[b].clear();
+      for (std::size_t i = b * n / found_.size(); i < (b + 1) * n / found_.size(); ++i) {
+        if (!limits_[body_.member[i]].any()) continue;
+        for (std::uint32_t k = whole_.first[i]; k < whole_.first[i + 1]; ++k) {
+          const std::uint32_t j = whole_.neighbour[k];
+          if (j <= i || !intact(history, k) || (isolated_[i] != 0 && isolated_[j] != 0)) continue;
+          const double value = overload(k, i, u, loads);
+          if (value > 0) found_[b].push_back({value, k, static_cast<std::uint32_t>(i), j});
+        }
+      }
     }
-  }
+  });
+  candidates_.clear();
+  for (const auto& block : found_) candidates_.insert(candidates_.end(), block.begin(), block.end());
   return !candidates_.empty();
 }
 

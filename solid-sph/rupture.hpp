@@ -116,7 +116,8 @@ private:
   std::vector<double> applied_;  // the history that `pairs_` belongs to
   std::vector<std::uint8_t> isolated_;
   double steepening_ = 1;
-  std::vector<double> rest_steepness_;  // largest of each member
+  std::vector<double> rest_steepness_;            // largest of each member
+  std::array<std::vector<Candidate>, 64> found_;  // of blocks of particles
   std::vector<Candidate> candidates_;
   std::vector<std::uint8_t> taken_, pending_;
   std::vector<std::uint32_t> touched_, unloaded_;  // touched: still to be fitted, in order
