@@ -3,6 +3,7 @@
 #include <omp.h>
 
 #include <algorithm>
+#include <cmath>
 #include <random>
 #include <stdexcept>
 #include <string>
@@ -249,6 +250,138 @@ TEST(Packing, ChangesNoBitOfAnyVariant) {
     }
   }
   EXPECT_EQ(variants, 80);
+  omp_set_num_threads(threads_before);
+}
+
+// What moves among the grains: walls between the nodes, partially saturated cells, or a wet surface.
+enum class Mover { none, walls, saturated, wet };
+
+struct Moved {
+  std::vector<Fields> fields;
+  std::vector<BodyLoad> loads;  // on the mover and on the grains, by turns
+  std::size_t covered = 0;
+  std::size_t uncovered = 0;
+  std::size_t over_dropped = 0;  // nodes that it lay on and that have no memory
+  int threads = 0;
+};
+
+// A disc or sphere of radius 5.3 (3.4 in space) that goes a tenth of a spacing a step, half as fast upwards.
+Moved move(FlowSettings settings, bool drop, Mover mover, WallRule rule, int threads = 1) {
+  omp_set_num_threads(threads);
+  settings.drop_solid_nodes = drop;
+  Flow flow(settings);
+  const Grid& grid = settings.grid;
+  const bool space = grid.nz > 0;
+  const auto axes = static_cast<std::size_t>(grid.dimension());
+  flow.set_solid_nodes(grains_of(grid), true);
+  const double radius = space ? 3.4 : 5.3;
+  const std::vector<double> speed = space ? std::vector{0.1, 0.05, 0.03} : std::vector{0.1, 0.05};
+  cases::Outline outline = cases::disc(0, 0, radius, 60);
+  if (mover == Mover::wet) flow.set_wet_surface(outline.nodes(), outline.connectivity);
+  if (mover == Mover::saturated) flow.grains().restart_loads();
+  Moved moved;
+  constexpr int steps = 90;
+  for (int step = 0; step <= steps; ++step) {
+    std::vector<double> centre{(space ? 16.2 : 8.2) + 0.1 * step, (space ? 10.7 : 8.7) + 0.05 * step};
+    if (space) centre.push_back(6.1 + 0.03 * step);
+    const Grains body{grid.dimension(), centre, {radius}, speed, std::vector(space ? 3UL : 1UL, 0.01)};
+    MoveCounts counts;
+    if (mover == Mover::walls) counts = flow.place_bodies(body, {rule}, true);
+    if (mover == Mover::saturated) flow.place_grains(body);
+    if (mover == Mover::wet) {
+      outline = cases::disc(centre[0], centre[1], radius, 60);
+      std::vector<double> velocities;
+      for (std::size_t n = 0; n < outline.nodes(); ++n) velocities.insert(velocities.end(), {0.1, 0.05});
+      counts = flow.move_wet_surface(outline.positions, velocities, 1.0);
+    }
+    moved.covered += step > 0 ? counts.covered : 0;
+    moved.uncovered += counts.uncovered;
+    flow.run(1);
+    if (step % 15 != 0) continue;  // after odd and after even steps
+    flow.compute_fields(moved.fields.emplace_back());
+    BodyLoad& load = moved.loads.emplace_back();
+    if (mover == Mover::walls) load = flow.body_load(0);
+    if (mover == Mover::saturated) {
+      const GrainLoads loads = flow.grains().mean_loads();
+      std::copy(loads.force.begin(), loads.force.end(), load.force.begin());
+    }
+    if (mover == Mover::wet) load.force = {flow.wet_force().x, flow.wet_force().y, flow.wet_force().moment};
+    moved.loads.push_back(flow.solid_nodes_load());
+    for (int z = 0; z < grid.layers(); ++z) {
+      for (int y = 0; y < grid.ny; ++y) {
+        for (int x = 0; x < grid.nx; ++x) {
+          const double at[] = {double(x), double(y), double(z)};
+          double square = 0;
+          for (std::size_t a = 0; a < axes; ++a) square += (at[a] - centre[a]) * (at[a] - centre[a]);
+          if (square < radius * radius && !flow.populations().holds(flow.populations().node(x, y, z)))
+            ++moved.over_dropped;
+        }
+      }
+    }
+  }
+  moved.threads = flow.threads();
+  return moved;
+}
+
+void expect_same(const Moved& one, const Moved& other, const std::string& which) {
+  ASSERT_EQ(one.fields.size(), other.fields.size());
+  EXPECT_EQ(one.covered, other.covered) << which;
+  EXPECT_EQ(one.uncovered, other.uncovered) << which;
+  for (std::size_t n = 0; n < one.fields.size(); ++n) {
+    EXPECT_EQ(one.fields[n].velocity_x, other.fields[n].velocity_x) << which << ' ' << n;
+    EXPECT_EQ(one.fields[n].velocity_y, other.fields[n].velocity_y) << which << ' ' << n;
+    EXPECT_EQ(one.fields[n].velocity_z, other.fields[n].velocity_z) << which << ' ' << n;
+    EXPECT_EQ(one.fields[n].excess, other.fields[n].excess) << which << ' ' << n;
+  }
+  for (std::size_t n = 0; n < one.loads.size(); ++n) {
+    EXPECT_EQ(one.loads[n].force, other.loads[n].force) << which << ' ' << n;
+    EXPECT_EQ(one.loads[n].torque, other.loads[n].torque) << which << ' ' << n;
+  }
+}
+
+// What moves covers and leaves nodes of the pores, lies on grains without memory and drives the fluid between
+// them: the same bits as with every node's memory.
+TEST(Packing, ChangesNoBitOfWhatMovesAmongGrains) {
+  const int threads_before = omp_get_max_threads();
+  for (const bool space : {false, true}) {
+    const Grid grid = space ? grid_of(31, 19, 17) : grid_of(71, 53);
+    for (const bool all_periodic : {false, true}) {
+      for (const Storage storage : {Storage::double_precision, Storage::single_precision}) {
+        if (all_periodic && storage == Storage::single_precision) continue;
+        const FlowSettings settings = settings_of(grid, all_periodic, storage);
+        const Moved alone = move(settings, false, Mover::none, WallRule::linear);
+        const auto expect = [&](Mover mover, WallRule rule) {
+          const std::string which = variant_name(settings.step()) + (all_periodic ? " periodic, " : ", ") +
+                                    std::to_string(int(mover)) + ' ' + std::to_string(int(rule));
+          const Moved rows = move(settings, false, mover, rule);
+          const Moved packed = move(settings, true, mover, rule);
+          EXPECT_EQ(rows.over_dropped, 0U) << which;
+          EXPECT_GT(packed.over_dropped, 0U) << which;
+          if (mover != Mover::saturated) {
+            EXPECT_GT(packed.covered, 10U) << which;
+            EXPECT_GT(packed.uncovered, 10U) << which;
+          }
+          const std::size_t last = packed.loads.size() - 2;
+          EXPECT_GT(std::abs(packed.loads[last].force[0]), 1e-5) << which;
+          const auto& with = packed.fields.back().velocity_x;
+          const auto& without = alone.fields.back().velocity_x;
+          std::size_t moved = 0;
+          for (std::size_t n = 0; n < with.size(); ++n) moved += std::abs(with[n] - without[n]) > 1e-3;
+          EXPECT_GT(moved, 40U) << which;
+          expect_same(packed, rows, which);
+        };
+        for (const WallRule rule : {WallRule::linear, WallRule::halfway, WallRule::quadratic,
+                                    WallRule::central_linear, WallRule::yin_zhang, WallRule::one_point})
+          expect(Mover::walls, rule);
+        expect(Mover::saturated, WallRule::linear);
+        if (!space) expect(Mover::wet, WallRule::linear);
+      }
+    }
+  }
+  const FlowSettings settings = settings_of(grid_of(311, 93), true, Storage::double_precision);
+  const Moved packed = move(settings, true, Mover::walls, WallRule::quadratic, 3);
+  EXPECT_EQ(packed.threads, 3);
+  expect_same(packed, move(settings, false, Mover::walls, WallRule::quadratic), "3 threads");
   omp_set_num_threads(threads_before);
 }
 
