@@ -69,7 +69,7 @@ std::vector<std::string> Output::write(std::uint64_t number, double time, const 
 }
 
 std::string Output::write_diverged(const Flow& flow, const Fields& fields, const Units& units) const {
-  const std::string name = "diverged.hdf";
+  std::string name = "diverged.hdf";
   write_fields(folder_ / name, flow, fields, units);
   return name;
 }

@@ -104,7 +104,8 @@ void RoundBodies::mark(Cells& cells, RoundMove& move) {
         const double square = r * r - square_z - (y - centre[1]) * (y - centre[1]);
         if (j < 0 || square < 0) continue;
         const double half = std::sqrt(square);
-        add_run(rows_[static_cast<std::size_t>(k * grid_.ny + j)],
+        add_run(rows_[static_cast<std::size_t>(k) * static_cast<std::size_t>(grid_.ny) +
+                      static_cast<std::size_t>(j)],
                 static_cast<int>(std::ceil(centre[0] - half)),
                 static_cast<int>(std::floor(centre[0] + half)) + 1, grid_.nx, grid_.periodic_x);
       }
