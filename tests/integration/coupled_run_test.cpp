@@ -88,6 +88,48 @@ TEST_F(CoupledRun, TooFewIterationsIsExitStatusThree) {
   EXPECT_THAT(finished.errors, HasSubstr("did not converge"));
 }
 
+// What a window failed of is said with its cause, where that is not the iteration.
+TEST_F(CoupledRun, AnAnswerThatJumpsIsNamedAsTheCause) {
+  // 3 presses to -3, where only 1 is left, which presses to -1: no motion between agrees with its answer.
+  const auto scene =
+      write_two_springs("pressure = 3.0\nslope = 0.0\njump = -2.0\njump_below = -2.2", "stiffness = 1.0",
+                        "mode = \"transient\"\nwindow = 0.1\nend_time = 0.5");
+  const Finished finished = run(scene);
+  EXPECT_EQ(finished.status, 3);
+  EXPECT_THAT(finished.errors, HasSubstr("an answer jumps there"));
+  EXPECT_THAT(finished.errors, HasSubstr("the forces change by 6.7e-01 of themselves"));  // 2 of 3
+}
+
+TEST_F(CoupledRun, AFailureThatIsNoJumpIsNotCalledOne) {
+  const auto scene = write_two_springs("pressure = 3.0\nslope = 0.9", "stiffness = 1.0",
+                                       "mode = \"transient\"\nwindow = 0.1\nend_time = 0.5\n"
+                                       "acceleration = \"none\"\nmax_iterations = 30\nrecover = false");
+  const Finished finished = run(scene);
+  EXPECT_EQ(finished.status, 3);
+  EXPECT_THAT(finished.errors, HasSubstr("did not converge"));
+  EXPECT_THAT(finished.errors, Not(HasSubstr("jumps")));
+  EXPECT_THAT(finished.errors, Not(HasSubstr("back and forth")));
+}
+
+TEST_F(CoupledRun, WindowsThatSwingAreNamedBesideWhatTheRunEndedOf) {
+  const std::string end = "\nmisbehaviour = \"exception\"\nat_window = 15";
+  for (const bool swings : {true, false}) {
+    const auto scene = write_two_springs(
+        "pressure = 3.0\nslope = 0.2\nswing = " + std::string(swings ? "2.0" : "0.5") + end,
+        "stiffness = 1.0", "mode = \"transient\"\nwindow = 0.1\nend_time = 2.0\nrecover = false");
+    const Finished finished = run(scene);
+    EXPECT_EQ(finished.status, 3);
+    EXPECT_THAT(finished.errors, HasSubstr("speed 12 at cell (3, 4)"));
+    // Forces as 5 and 1, changes as 4: sums over windows 2 to 14 that forget a tenth with each give 16 * 7.46
+    // over 25 * 4.06 + 1 * 3.40.
+    if (swings) {
+      EXPECT_THAT(finished.errors, HasSubstr("changed by 107 % of themselves from window to window"));
+    } else {
+      EXPECT_THAT(finished.errors, Not(HasSubstr("from window to window")));
+    }
+  }
+}
+
 TEST_F(CoupledRun, NothingMovingIsConverged) {
   const auto scene = write_two_springs("pressure = 0.0\nslope = 0.5", "stiffness = 1.0", "mode = \"steady\"");
   EXPECT_EQ(run(scene).status, 0);

@@ -5,7 +5,8 @@
 //
 // Coupled, displacement y of every node is -pressure / (stiffness - slope): the fixed point is known, and
 // slope / stiffness is the factor by which the un-relaxed iteration contracts or diverges. A scene can also
-// ask it to misbehave.
+// ask for a pressure that jumps by `jump` where the displacement is below `jump_below`, for one that swings
+// by `swing` from window to window, or for a participant that misbehaves.
 #include <fmt/format.h>
 
 #include <array>
@@ -45,6 +46,9 @@ public:
     if (role == "fluid") {
       pressure_ = table.number("pressure");
       slope_ = table.number("slope");
+      jump_ = table.number_or("jump", 0.0);
+      jump_below_ = table.number_or("jump_below", 0.0);
+      swing_ = table.number_or("swing", 0.0);
     } else {
       stiffness_ = table.number("stiffness", Range::positive());
       nodes_ = static_cast<int>(table.integer_or("nodes", 5, 2, 1'000'000));
@@ -117,7 +121,9 @@ public:
       auto& pressures = *result.outputs.mutable_pressures();
       pressures.set_surface(surface_.identity());
       for (int i = 1; i < inputs.displacements().displacement_size(); i += 2) {
-        pressures.add_pressure(pressure_ - slope_ * inputs.displacements().displacement(i));
+        const double displacement = inputs.displacements().displacement(i);
+        pressures.add_pressure(pressure_ - slope_ * displacement + (displacement < jump_below_ ? jump_ : 0) +
+                               (window.number % 2 == 0 ? swing_ : -swing_));
       }
       if (now && misbehaviour_ == "nan") pressures.set_pressure(1, std::numeric_limits<double>::quiet_NaN());
       if (now && misbehaviour_ == "wrong-length") pressures.add_pressure(0.0);
@@ -206,6 +212,9 @@ private:
   v1::WetSurface surface_;
   double pressure_ = 0;
   double slope_ = 0;
+  double jump_ = 0;
+  double jump_below_ = 0;
+  double swing_ = 0;
   double stiffness_ = 1;
   double largest_displacement_ = 0;
   double seconds_ = 0;
