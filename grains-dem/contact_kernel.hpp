@@ -91,7 +91,8 @@ inline ContactForce<D> contact(const ContactConstants& c, const ContactKinematic
     double* angles = history + (F == FrictionLaw::spring ? spin : 0);
     const double roll_limit = c.rolling_friction * k.radius_sum * normal_force;
     // Moment on i against `rate` about fixed axes, at most `limit`; the spring-slider remembers `angle`.
-    const auto resist = [&]<std::size_t K>(const std::array<double, K>& rate, double limit, double* angle) {
+    const auto resist = [&]<std::size_t K>(const std::array<double, K>& rate, double limit,
+                                           [[maybe_unused]] double* angle) {
       std::array<double, K> moment{};
       if constexpr (R == RollingLaw::viscous) {
         const double speed = norm(rate);
