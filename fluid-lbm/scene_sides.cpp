@@ -148,7 +148,7 @@ void evaluate_sides(const FluidScene& scene, double time, Sides& sides) {
     const bool wall = side.kind == SideKind::wall;
     const int along_u = wall ? frame.points_u() : frame.along_u();
     const int along_v = wall ? frame.points_v(dimension) : frame.along_v();
-    const auto count = static_cast<std::size_t>(along_u * along_v);
+    const std::size_t count = static_cast<std::size_t>(along_u) * static_cast<std::size_t>(along_v);
     if (profile.pressure) {
       side.excess.resize(count);
     } else {

@@ -229,6 +229,55 @@ TEST(Images, BmpOfTwoByTwo) {
   std::filesystem::remove_all(file.parent_path());
 }
 
+// Pixels become solid nodes where they are seen: the first row of a picture is its uppermost.
+TEST(Images, BecomeSolidNodesAlsoFlippedAndTheOtherWayRound) {
+  const auto file = folder_of_test() / "corner.bmp";
+  std::string bytes("BM", 2);
+  const auto number = [&](std::uint32_t value, int count) {
+    for (int k = 0; k < count; ++k) bytes.push_back(static_cast<char>(value >> (8 * k)));
+  };
+  number(70, 4), number(0, 4), number(54, 4), number(40, 4), number(2, 4), number(2, 4), number(1, 2);
+  number(24, 2), number(0, 4), number(16, 4), number(0, 4), number(0, 4), number(0, 4), number(0, 4);
+  bytes += std::string("\xff\xff\xff\xff\xff\xff\0\0", 8);  // below: white, white
+  bytes += std::string("\x60\x60\x60\xff\xff\xff\0\0", 8);  // above: grey, white
+  std::ofstream(file, std::ios::binary) << bytes;
+  const auto solid = [&](const std::string& more) {
+    Scene scene = Scene::parse(R"(
+title = "picture"
+dimension = 2
+[coupling]
+mode = "steady"
+[fluid]
+size = [4, 4]
+spacing = 1
+density = 1
+viscosity = 1
+reference_velocity = 1
+[[fluid.obstacle]]
+image = ")" + file.string() + "\"\ncorner = [1, 1]\npixel = 1\n" +
+                                   more,
+                               "scene.toml");
+    Plan plan;
+    const FluidScene result = read_fluid_scene(scene, "fluid", plan);
+    EXPECT_TRUE(scene.problems().empty()) << describe("scene.toml", scene.problems()[0]);
+    std::vector<int> nodes;
+    for (int k = 0; k < 16; ++k) {
+      if (result.solid_nodes[static_cast<std::size_t>(k)] != 0) nodes.push_back(k);
+    }
+    return nodes;
+  };
+  using testing::ElementsAre;
+  // Nodes are counted row by row from below: 5, 6 and above them 9, 10 lie in the picture.
+  EXPECT_THAT(solid(""), ElementsAre(9));
+  EXPECT_THAT(solid("flip_x = true"), ElementsAre(10));
+  EXPECT_THAT(solid("flip_y = true"), ElementsAre(5));
+  EXPECT_THAT(solid("flip_x = true\nflip_y = true"), ElementsAre(6));
+  EXPECT_THAT(solid("solid = \"bright\""), ElementsAre(5, 6, 10));
+  EXPECT_THAT(solid("threshold = 90"), ElementsAre());  // grey is 0x60, 96
+  EXPECT_THAT(solid("threshold = 97"), ElementsAre(9));
+  std::filesystem::remove_all(file.parent_path());
+}
+
 // With a solid besides, because only with one are windows repeated.
 std::string scene_with_grains(const std::string& method) {
   return R"(
