@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <cstdint>
 
 #include "scene_parts.hpp"
 
@@ -40,8 +41,8 @@ std::optional<double> nearest_fitting_spacing(const std::vector<double>& size, d
                                               const std::array<double, 3>& beyond) {
   const double wanted = std::round(size[0] / spacing + 1 - beyond[0]);
   std::optional<double> best;
-  for (double shift = -0.5 * wanted; shift <= wanted; ++shift) {
-    const double cells = std::floor(wanted + shift) - 1 + beyond[0];
+  for (std::int64_t step = 0; static_cast<double>(step) <= 1.5 * wanted; ++step) {
+    const double cells = std::floor(0.5 * wanted + static_cast<double>(step)) - 1 + beyond[0];
     if (cells < 1) continue;
     const double candidate = size[0] / cells;
     if (!nodes_of(size, candidate, beyond)) continue;
