@@ -193,17 +193,25 @@ std::filesystem::path folder_of_test() {
   return folder;
 }
 
-TEST(Images, BmpOfTwoByTwo) {
-  // 24 bits, rows from the bottom: black, white / white, grey.
-  const auto file = folder_of_test() / "two.bmp";
+// Of 24 bits; greys row by row from the bottom.
+std::string bmp_of_two_by_two(const std::array<std::uint8_t, 4>& greys) {
   std::string bytes("BM", 2);
   const auto number = [&](std::uint32_t value, int count) {
     for (int k = 0; k < count; ++k) bytes.push_back(static_cast<char>(value >> (8 * k)));
   };
   number(70, 4), number(0, 4), number(54, 4), number(40, 4), number(2, 4), number(2, 4), number(1, 2);
   number(24, 2), number(0, 4), number(16, 4), number(0, 4), number(0, 4), number(0, 4), number(0, 4);
-  bytes += std::string("\0\0\0\xff\xff\xff\0\0", 8);
-  bytes += std::string("\xff\xff\xff\x60\x60\x60\0\0", 8);
+  for (std::size_t k = 0; k < greys.size(); ++k) {
+    bytes.append(3, static_cast<char>(greys[k]));
+    if (k % 2 == 1) bytes.append(2, '\0');  // rows end on four bytes
+  }
+  return bytes;
+}
+
+TEST(Images, BmpOfTwoByTwo) {
+  // Black, white / white, grey.
+  const auto file = folder_of_test() / "two.bmp";
+  const std::string bytes = bmp_of_two_by_two({0, 255, 255, 0x60});
   std::ofstream(file, std::ios::binary) << bytes;
   const GreyImage image = read_grey_image(file);
   EXPECT_EQ(image.width, 2);
@@ -232,15 +240,8 @@ TEST(Images, BmpOfTwoByTwo) {
 // Pixels become solid nodes where they are seen: the first row of a picture is its uppermost.
 TEST(Images, BecomeSolidNodesAlsoFlippedAndTheOtherWayRound) {
   const auto file = folder_of_test() / "corner.bmp";
-  std::string bytes("BM", 2);
-  const auto number = [&](std::uint32_t value, int count) {
-    for (int k = 0; k < count; ++k) bytes.push_back(static_cast<char>(value >> (8 * k)));
-  };
-  number(70, 4), number(0, 4), number(54, 4), number(40, 4), number(2, 4), number(2, 4), number(1, 2);
-  number(24, 2), number(0, 4), number(16, 4), number(0, 4), number(0, 4), number(0, 4), number(0, 4);
-  bytes += std::string("\xff\xff\xff\xff\xff\xff\0\0", 8);  // below: white, white
-  bytes += std::string("\x60\x60\x60\xff\xff\xff\0\0", 8);  // above: grey, white
-  std::ofstream(file, std::ios::binary) << bytes;
+  // Below white and white, above grey and white.
+  std::ofstream(file, std::ios::binary) << bmp_of_two_by_two({255, 255, 0x60, 255});
   const auto solid = [&](const std::string& more) {
     Scene scene = Scene::parse(R"(
 title = "picture"
