@@ -253,6 +253,18 @@ void Fluid::find_forces_variant(const double* x, const double* v, std::span<cons
   });
 }
 
+void Fluid::append_forces(std::vector<double>& values) const {
+  for (const auto* part : {&force_, &viscous_force_, &diffusion_rate_})
+    values.insert(values.end(), part->begin(), part->end());
+}
+
+void Fluid::set_forces(std::span<const double> values) {
+  for (auto* part : {&force_, &viscous_force_, &diffusion_rate_}) {
+    std::copy_n(values.begin(), part->size(), part->begin());
+    values = values.subspan(part->size());
+  }
+}
+
 double Fluid::energy(std::span<const double> density) const {
   return ordered_sum(
       size(), [&](std::size_t i) { return mass_[i] * settings_.materials[member_[i]].energy(density[i]); });

@@ -51,6 +51,10 @@ public:
                    std::span<const double> density);
   [[nodiscard]] const std::vector<double>& force() const { return force_; }
   [[nodiscard]] const std::vector<double>& viscous_force() const { return viscous_force_; }
+  /// What a motion that goes on needs of the forces last found, 5 numbers per particle: forces, their viscous
+  /// part and the rate of the density's diffusion.
+  void append_forces(std::vector<double>& values) const;
+  void set_forces(std::span<const double> values);
 
   [[nodiscard]] double energy(std::span<const double> density) const;  // [J/m]
   /// Taken by the density diffusion in the steps since the last call [J/m].

@@ -141,16 +141,24 @@ void ImpactSolver::copy_out(const std::vector<std::uint32_t>& particles, std::sp
 std::vector<double> ImpactSolver::gathered_history() const {
   std::vector<double> history = row_history_;
   if (solid_) history.insert(history.end(), solid_->history().begin(), solid_->history().end());
+  if (density_.empty()) return history;
+  history.reserve(history.size() + fluid_history());
   history.insert(history.end(), density_.begin(), density_.end());
+  fluid_.append_forces(history);
+  history.push_back(forces_kept_ ? 1 : 0);
   return history;
 }
 
 void ImpactSolver::spread_history(const std::vector<double>& history) {
   const auto rows = history.begin() + static_cast<std::ptrdiff_t>(row_history_.size());
-  const auto middle = history.end() - static_cast<std::ptrdiff_t>(density_.size());
+  const auto middle = history.end() - static_cast<std::ptrdiff_t>(fluid_history());
   row_history_.assign(history.begin(), rows);
   if (solid_) solid_->set_history({rows, middle});
-  density_.assign(middle, history.end());
+  if (density_.empty()) return;
+  const auto forces = middle + static_cast<std::ptrdiff_t>(density_.size());
+  std::copy(middle, forces, density_.begin());
+  fluid_.set_forces({forces, history.end() - 1});
+  forces_kept_ = history.back() != 0;
 }
 
 void ImpactSolver::place(std::span<const double> displacement) {
@@ -173,17 +181,13 @@ void ImpactSolver::copy_fields() {
 }
 
 std::int64_t ImpactSolver::evaluate(std::span<const double> displacement) {
-  const bool known = history_.size() >= density_.size() &&
-                     std::equal(displacement.begin(), displacement.end(), settled_.begin(), settled_.end()) &&
-                     std::equal(density_.rbegin(), density_.rend(), history_.rbegin());
   spread_history(history_);
   place(displacement);
   std::int64_t bad = 0;
-  if (!known) {
+  if (!forces_kept_ && !density_.empty()) {
     fluid_velocity_.assign(fluid_position_.size(), 0.0);
     bad += fluid_.measure(fluid_position_, fluid_velocity_, 0, density_);
     fluid_.find_forces(fluid_position_, fluid_velocity_, density_);
-    settled_.assign(displacement.begin(), displacement.end());
   }
   if (solid_) bad += solid_->evaluate(solid_displacement_);
   copy_fields();

@@ -30,7 +30,10 @@ struct ImpactOptions {
   std::function<std::unique_ptr<Solver>(const Body&)> make_solid;
 };
 
-/// History: that of the shells, that of the solid particles, then the density of each fluid particle [kg/m3].
+/// History: that of the shells, that of the solid particles, then, with fluid particles, the density of each
+/// [kg/m3], the forces that its last step ended with and, in one number, whether there are any: a window goes
+/// on with them, so that its first half-kick costs no evaluation, and a state that is taken up again has
+/// them.
 class ImpactSolver final : public Solver {
 public:
   ImpactSolver(const Body& body, ImpactOptions options);
@@ -81,6 +84,8 @@ private:
   void drift(State& state, const Loading& loading, double time, double time_step);
   void spread_history(const std::vector<double>& history);
   [[nodiscard]] std::vector<double> gathered_history() const;
+  /// How much of the history belongs to the fluid.
+  [[nodiscard]] std::size_t fluid_history() const { return density_.empty() ? 0 : 6 * density_.size() + 1; }
 
   double friction_;
   std::vector<std::uint32_t> fluid_particle_, solid_particle_;  // of the whole body
@@ -99,8 +104,6 @@ private:
   std::vector<double> position_, velocity_, before_;  // before: at the kick's start
   std::vector<double> fluid_position_, fluid_velocity_, density_;
   std::vector<double> solid_displacement_, solid_velocity_;
-  // Displacement of the state that the fluid has its forces of: a window's end is not measured again.
-  std::vector<double> settled_;
   std::vector<double> external_;     // loads on particles [N/m]
   std::vector<double> impulse_;      // of contact on each body in this window, 2 each [N s/m]
   std::uint32_t surface_first_ = 0;  // first particle of the driven surface
@@ -110,6 +113,7 @@ private:
   std::vector<double> contact_force_;  // its mean over the window [N/m]
   double solid_viscous_power_ = 0;     // [W/m]
   bool touching_ = false;
+  bool forces_kept_ = false;  // the fluid's forces are those the last step of this state ended with
   double contact_seconds_ = 0, fluid_seconds_ = 0, solid_seconds_ = 0;
 };
 

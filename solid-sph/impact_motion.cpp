@@ -46,18 +46,20 @@ bool ImpactSolver::bend_shells(const State& state, bool commit, std::uint64_t st
 }
 
 bool ImpactSolver::find_forces(State& state, double time_step, std::uint64_t step) {
-  settled_.clear();
   place(state.displacement);
   Stopwatch watch;
-  copy_out(fluid_particle_, state.velocity, fluid_velocity_);
-  if (fluid_.measure(fluid_position_, fluid_velocity_, time_step, density_) > 0) {
-    for (std::size_t k = 0; k < fluid_particle_.size(); ++k)
-      if (!std::isfinite(fluid_position_[2 * k] + fluid_position_[2 * k + 1] + density_[k]))
-        throw Breakdown(fluid_particle_[k], step, std::numeric_limits<double>::quiet_NaN());
-    throw Breakdown(fluid_particle_.front(), step, 0);
+  if (!density_.empty() && (time_step > 0 || !forces_kept_)) {
+    copy_out(fluid_particle_, state.velocity, fluid_velocity_);
+    if (fluid_.measure(fluid_position_, fluid_velocity_, time_step, density_) > 0) {
+      for (std::size_t k = 0; k < fluid_particle_.size(); ++k)
+        if (!std::isfinite(fluid_position_[2 * k] + fluid_position_[2 * k + 1] + density_[k]))
+          throw Breakdown(fluid_particle_[k], step, std::numeric_limits<double>::quiet_NaN());
+      throw Breakdown(fluid_particle_.front(), step, 0);
+    }
+    fluid_.find_forces(fluid_position_, fluid_velocity_, density_);
+    state.viscous_work += fluid_.diffusion_work();
+    forces_kept_ = true;
   }
-  fluid_.find_forces(fluid_position_, fluid_velocity_, density_);
-  state.viscous_work += fluid_.diffusion_work();
   fluid_seconds_ += watch.seconds();
   if (solid_) {
     watch = {};
@@ -274,7 +276,6 @@ void ImpactSolver::advance(State& state, const Loading& given, double duration, 
     std::copy(loading.surface->end_velocity.begin(), loading.surface->end_velocity.end(),
               state.velocity.begin() + 2 * static_cast<std::ptrdiff_t>(surface_first_));
   state.history = history_ = gathered_history();
-  settled_ = state.displacement;
   state.time = start + duration;
   state.external_work += gravity_work();
 }

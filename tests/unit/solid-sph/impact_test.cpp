@@ -315,6 +315,20 @@ TEST(Impact, RepeatedWindowsAndARestartGiveTheSameBits) {
     EXPECT_EQ(one.value("all", quantity), three.value("all", quantity)) << quantity;
 }
 
+// A window goes on with the forces that the one before ended with: where the windows end does not matter to a
+// motion without contact, and of what is taken up again every bit is the same.
+TEST(Impact, WindowsDoNotChangeTheMotionOfAFluid) {
+  std::string text = replaced(with_spacing(column_scene(0, 0.0125, kRigidPlate)),
+                              "velocity = [\"0\", \"-0.000000\"]", "velocity = [\"300 * x\", \"800 * y\"]");
+  test::RunningScene one(text, 4e-6), four(text, 16e-6);
+  one.run(20);
+  four.run(5);
+  ASSERT_EQ(one.result().work.steps, four.result().work.steps);
+  EXPECT_GT(one.value("all", "viscous_work"), 1e-3 * one.value("all", "total_energy"));
+  for (const char* quantity : {"kinetic_energy", "internal_energy", "viscous_work"})
+    EXPECT_NEAR(one.value("all", quantity) / four.value("all", quantity), 1, 1e-10) << quantity;
+}
+
 TEST(Impact, ThreadsDoNotChangeABitOfRiemannProblems) {
   std::string text = with_spacing(column_scene(150, 0.003125, kRigidPlate) + "held = [\"x\"]\n");
   text = replaced(text, "sound_speed = 1450", "sound_speed = 1450\ndissipation = \"riemann\"");
