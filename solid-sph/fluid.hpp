@@ -12,12 +12,20 @@
 // free surface. To this come Monaghan's artificial viscosity (Monaghan 1992) and, for a smooth pressure, the
 // density diffusion of delta-SPH with the gradient correction of Antuono et al. (2010).
 //
-// Or, in place of both, the states between particles are those of an acoustic Riemann problem (Vila 1999;
-// Zhang, Hu & Adams 2017): with U the speed of approach along the line of centres, p* - p = 1/2 rho min(n U,
-// c) U, and v* - v = (p_L - p_R) / (2 rho c) with pressures reconstructed linearly to the middle. The limiter
-// n is 3 there; a large one leaves the full dissipation.
+// Or these gradients are the derivatives of moving least squares of degree 1 or 2 (moving_fit.hpp; Dilts
+// 1999): the forces then are the transpose of the velocities' gradient,
+//     f_i = sum_j (V_i S_i g_ij - V_j S_j g_ji),
+// which conserves momentum to round-off and, where linear fields are reproduced, angular momentum; the force
+// of an even slope of pressure among disordered particles is right as a whole, not at each of them. Degrees
+// fall where neighbours are lost; Shepard's gradient, which then is left, conserves momentum only.
+//
+// Or, in place of viscosity and diffusion, the states between particles are those of an acoustic Riemann
+// problem (Vila 1999; Zhang, Hu & Adams 2017): with U the speed of approach along the line of centres, p* - p
+// = 1/2 rho min(n U, c) U, and v* - v = (p_L - p_R) / (2 rho c) with pressures reconstructed linearly to the
+// middle. The limiter n is 3 there; a large one leaves the full dissipation.
 #pragma once
 
+#include <array>
 #include <cstdint>
 #include <span>
 #include <vector>
@@ -25,6 +33,7 @@
 #include "fluid_material.hpp"
 #include "moving_neighbours.hpp"
 #include "particles.hpp"
+#include "reproducing_weights.hpp"
 
 namespace estuary::solid {
 
@@ -33,6 +42,7 @@ struct FluidSettings {
   double spacing = 0;                    // [m]
   double smoothing_ratio = 0.95;         // h over the particles' diameter
   bool variable_smoothing = true;        // h_ij = ratio (d_i + d_j) / 2 with d = sqrt(m / rho); else constant
+  Order gradients = Order::linear;       // or one of moving least squares
 };
 
 class Fluid {
@@ -56,6 +66,14 @@ public:
   void append_forces(std::vector<double>& values) const;
   void set_forces(std::span<const double> values);
 
+  /// Of the state last measured, 2 per particle.
+  [[nodiscard]] const std::vector<double>& density_gradient() const { return density_gradient_; }
+  /// With moving least squares, the degree of each particle in the state last measured; empty without.
+  [[nodiscard]] const std::vector<std::uint8_t>& degrees() const { return degree_; }
+
+  /// How many have degree 0, 1 and 2.
+  [[nodiscard]] std::array<double, 3> degree_counts() const;
+
   [[nodiscard]] double energy(std::span<const double> density) const;  // [J/m]
   /// Taken by the density diffusion in the steps since the last call [J/m].
   [[nodiscard]] double diffusion_work();
@@ -72,19 +90,38 @@ public:
   }
 
 private:
-  template <bool Riemann>
+  /// Of the gradients: corrected kernel, or moving least squares.
+  struct Corrected;
+  template <int Degree, bool Full>
+  struct Fitted;
+  template <class Gradients>
+  static auto make_fit();
+  template <class Gradients>
+  void prepare(Gradients);
+  template <class Gradients>
+  std::int64_t measure_with(const double* x, const double* v, double time_step, double* density);
+  template <class Gradients>
+  void find_forces_with(const double* x, const double* v, std::span<const double> density);
+  template <bool Riemann, class Gradients>
   void find_forces_variant(const double* x, const double* v, std::span<const double> density);
-  template <bool Variable>
+  template <bool Variable, class Gradients>
   std::int64_t measure_variant(const double* x, const double* v, double time_step, double* density);
+  /// Calls `work` with the gradients that the settings name.
+  template <class Work>
+  auto with_gradients(Work&& work);
 
   FluidSettings settings_;
   std::vector<double> mass_;
   std::vector<std::uint8_t> member_;
   MovingNeighbours neighbours_;
   bool dissipative_ = false, diffusive_ = false, viscous_ = false, riemann_ = false;
-  double reference_ = 0;          // H of the undisturbed lattice times spacing^2
-  std::vector<double> weight_;    // F of every pair [1/m4]
-  std::vector<double> diameter_;  // [m]
+  double reference_ = 0;                     // H of the undisturbed lattice times spacing^2
+  std::vector<double> weight_;               // F of every pair [1/m4]
+  std::vector<double> value_;                // W of every pair [1/m2]; empty without moving least squares
+  std::vector<double> fit_;                  // coefficients of MovingFit, likewise
+  std::vector<std::uint8_t> degree_;         // likewise
+  std::array<double, 2> lattice_support_{};  // of the undisturbed lattice, for degrees 1 and 2
+  std::vector<double> diameter_;             // [m]
   std::vector<double> fresh_density_;
   std::vector<double> stress_;            // V S H^-1, 4 per particle
   std::vector<double> viscous_stress_;    // its viscous part; empty without viscosity

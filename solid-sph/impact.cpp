@@ -309,6 +309,12 @@ NamedValues ImpactSolver::quantities_of(std::size_t i, const State& state) const
 
 NamedValues ImpactSolver::totals(const State& state) const {
   NamedValues result{{"contact_time", state.contact_time}, {"contact_work", state.contact_work}};
+  if (!fluid_.degrees().empty()) {
+    const auto count = fluid_.degree_counts();
+    result.insert(result.end(), {{"particles_of_degree_0", count[0]},
+                                 {"particles_of_degree_1", count[1]},
+                                 {"particles_of_degree_2", count[2]}});
+  }
   if (rows_ && rows_->breakable()) {
     const auto lost = rows_->losses(row_history_);
     result.insert(result.end(), {{"broken_links", lost[0]},

@@ -112,7 +112,10 @@ private:
   bool window_begins_ = false;
   std::vector<double> contact_force_;  // its mean over the window [N/m]
   double solid_viscous_power_ = 0;     // [W/m]
+  void say_degrees();
+
   bool touching_ = false;
+  std::array<double, 2> said_degrees_{};  // most particles at degree 0 and 1 so far
   bool forces_kept_ = false;  // the fluid's forces are those the last step of this state ended with
   double contact_seconds_ = 0, fluid_seconds_ = 0, solid_seconds_ = 0;
 };

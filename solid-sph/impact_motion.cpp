@@ -1,7 +1,10 @@
 // How bodies that meet by impulses move: forces, kicks, impulses and drifts of a step.
+#include <fmt/format.h>
+
 #include <algorithm>
 #include <chrono>
 #include <cmath>
+#include <cstdio>
 #include <limits>
 #include <utility>
 
@@ -214,6 +217,20 @@ void ImpactSolver::begin_window() {
   window_begins_ = true;
 }
 
+// Whenever one more in ten have lost a degree.
+void ImpactSolver::say_degrees() {
+  if (fluid_.degrees().empty()) return;
+  const auto count = fluid_.degree_counts();
+  bool more = false;
+  for (std::size_t d = 0; d < 2; ++d) more = more || count[d] > 1.1 * said_degrees_[d];
+  if (!more) return;
+  for (std::size_t d = 0; d < 2; ++d) said_degrees_[d] = std::max(said_degrees_[d], count[d]);
+  fmt::print(
+      "moving least squares: {:.0f} particles of degree 2, {:.0f} of 1, {:.0f} of 0 (too few neighbours)\n",
+      count[2], count[1], count[0]);
+  std::fflush(stdout);
+}
+
 void ImpactSolver::advance(State& state, const Loading& given, double duration, std::uint64_t steps,
                            double damping, const Monitor& monitor) {
   const double dt = duration / static_cast<double>(steps), start = state.time;
@@ -275,6 +292,7 @@ void ImpactSolver::advance(State& state, const Loading& given, double duration, 
   if (loading.surface)
     std::copy(loading.surface->end_velocity.begin(), loading.surface->end_velocity.end(),
               state.velocity.begin() + 2 * static_cast<std::ptrdiff_t>(surface_first_));
+  say_degrees();
   state.history = history_ = gathered_history();
   state.time = start + duration;
   state.external_work += gravity_work();

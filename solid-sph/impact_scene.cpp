@@ -134,6 +134,7 @@ std::unique_ptr<Solver> make_impact_solver(const SolidScene& scene, const Body& 
   impact.fluid.spacing = scene.spacing;
   impact.fluid.smoothing_ratio = scene.smoothing_ratio;
   impact.fluid.variable_smoothing = scene.variable_smoothing;
+  if (is_moving_least_squares(scene.order)) impact.fluid.gradients = scene.order;
   impact.friction = scene.friction;
   impact.held = scene.held;
   impact.contact.normals = scene.normals;
@@ -226,8 +227,11 @@ void plan_impact(const SolidScene& scene, Plan& plan) {
   if (scene.friction == 0) plan.left_out.emplace_back("friction");
   if (scene.penetration_correction == 0) plan.left_out.emplace_back("correction of penetrations");
   plan.memory_bytes = particles * 700;
-  plan.variant = fmt::format("2d-impact{}{}", scene.fluids() ? "-fluid" : "",
-                             scene.variable_smoothing ? "-variable-smoothing" : "");
+  const bool fitted = scene.fluids() && is_moving_least_squares(scene.order);
+  plan.variant =
+      fmt::format("2d-impact{}{}{}", scene.fluids() ? "-fluid" : "",
+                  scene.variable_smoothing ? "-variable-smoothing" : "",
+                  fitted ? "-" + std::string(kOrderNames[static_cast<std::size_t>(scene.order)]) : "");
 }
 
 }  // namespace estuary::solid

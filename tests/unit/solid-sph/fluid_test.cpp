@@ -166,6 +166,147 @@ TEST(Fluid, ViscositiesTakeEnergyAndDiffusionKeepsTheMass) {
   }
 }
 
+constexpr std::array kFits{Order::mls_linear, Order::mls_linear_diffuse, Order::mls_quadratic,
+                           Order::mls_quadratic_diffuse};
+
+Fluid fitted(const FluidCloud& cloud, Order order, double ratio,
+             const FluidMaterial& material = calm_water()) {
+  return {FluidSettings{.materials = {material},
+                        .spacing = 0.1,
+                        .smoothing_ratio = ratio,
+                        .variable_smoothing = true,
+                        .gradients = order},
+          cloud.mass, cloud.member};
+}
+
+TEST(FluidFit, GradientsOfItsDegreeAreExactInsideAndUpToTheCorners) {
+  for (const Order order : kFits)
+    for (const double ratio : {0.95, 1.3}) {
+      FluidCloud cloud(0.1);
+      const auto field = [](double x, double y) { return 1000 + 3 * x - 7 * y; };
+      const auto curved = [](double x, double y) { return 1000 + x * x - 3 * x * y + 2 * y * y; };
+      for (std::size_t i = 0; i < cloud.mass.size(); ++i)
+        cloud.density[i] = field(cloud.position[2 * i], cloud.position[2 * i + 1]);
+      const std::vector<double> rest(cloud.velocity.size(), 0.0);
+      Fluid fluid = fitted(cloud, order, ratio);
+      ASSERT_EQ(fluid.measure(cloud.position, rest, 0, cloud.density), 0);
+      for (std::size_t i = 0; i < cloud.mass.size(); ++i) {
+        ASSERT_GE(fluid.degrees()[i], 1) << i;
+        EXPECT_NEAR(fluid.density_gradient()[2 * i], 3, 1e-8) << i;
+        EXPECT_NEAR(fluid.density_gradient()[2 * i + 1], -7, 1e-8) << i;
+      }
+      for (std::size_t i = 0; i < cloud.mass.size(); ++i)
+        cloud.density[i] = curved(cloud.position[2 * i], cloud.position[2 * i + 1]);
+      fluid.measure(cloud.position, rest, 0, cloud.density);
+      int exact = 0;
+      double worst = 0;
+      for (std::size_t i = 0; i < cloud.mass.size(); ++i) {
+        const double x = cloud.position[2 * i], y = cloud.position[2 * i + 1],
+                     error = std::hypot(fluid.density_gradient()[2 * i] - (2 * x - 3 * y),
+                                        fluid.density_gradient()[2 * i + 1] - (4 * y - 3 * x));
+        if (fluid.degrees()[i] == 2) {
+          ++exact;
+          EXPECT_LT(error, 1e-8) << i;
+        } else {
+          worst = std::max(worst, error);
+        }
+      }
+      // Inside, at 1.3 nearly everywhere; what degree 1 gives is not exact.
+      EXPECT_EQ(exact >= 60, quadratic_exact(order)) << exact;
+      EXPECT_EQ(exact == 0, !quadratic_exact(order));
+      EXPECT_GT(worst, 1e-3);
+    }
+}
+
+TEST(FluidFit, KeepsBothMomentaAndDoesTheWorkOfThePressure) {
+  for (const Order order : kFits)
+    for (const double viscosity : {0.0, 10.0}) {
+      FluidCloud cloud(0.1);
+      FluidMaterial material = calm_water();
+      material.viscosity = viscosity;
+      Fluid fluid = fitted(cloud, order, 1.3, material);
+      const std::vector<double> rest(cloud.velocity.size(), 0.0);
+      const std::vector<double>& moving = viscosity > 0 ? cloud.velocity : rest;
+      fluid.measure(cloud.position, moving, 0, cloud.density);
+      fluid.find_forces(cloud.position, moving, cloud.density);
+      const std::vector<double> force = fluid.force();
+      double sum[2] = {0, 0}, size = 0, power = 0, moment = 0, viscous = 0;
+      for (std::size_t c = 0; c < force.size(); ++c) {
+        sum[c % 2] += force[c];
+        size += std::abs(force[c]);
+        power += force[c] * cloud.velocity[c];
+        viscous += fluid.viscous_force()[c] * cloud.velocity[c];
+      }
+      for (std::size_t i = 0; i < cloud.mass.size(); ++i)
+        moment += cloud.position[2 * i] * force[2 * i + 1] - cloud.position[2 * i + 1] * force[2 * i];
+      EXPECT_NEAR(sum[0], 0, 1e-13 * size);
+      EXPECT_NEAR(sum[1], 0, 1e-13 * size);
+      EXPECT_NEAR(moment, 0, 1e-12 * size);
+      if (viscosity > 0) {
+        EXPECT_LT(viscous, 0);
+        continue;
+      }
+      const double before = fluid.energy(cloud.density), dt = 1e-9;
+      fluid.measure(cloud.position, cloud.velocity, dt, cloud.density);
+      EXPECT_NEAR((fluid.energy(cloud.density) - before) / dt, -power, 1e-5 * std::abs(power));
+    }
+}
+
+// A particle far from all but some neighbours: with none that span the plane Shepard's gradient is left.
+TEST(FluidFit, DegreesFallWithTheNeighboursAndMomentumStays) {
+  for (const Order order : kFits) {
+    std::vector<double> x;
+    for (int a = 0; a < 7; ++a)
+      for (int b = 0; b < 7; ++b) x.insert(x.end(), {0.1 * a, 0.1 * b});
+    const auto add = [&](double px, double py) {
+      x.insert(x.end(), {px, py});
+      return x.size() / 2 - 1;
+    };
+    // Two alone: a line. Three in a triangle; a cross of five, which does not tell x y.
+    const std::size_t pair = add(2, 0), triangle = add(3, 0), cross = add(4, 0);
+    add(2.1, 0);
+    add(3.1, 0), add(3, 0.1);
+    add(4.1, 0), add(3.9, 0), add(4, 0.1), add(4, -0.1);
+    const std::size_t alone = add(5, 0), middle = 24;
+    const std::size_t n = x.size() / 2;
+    std::vector<double> density(n, 1010.0);
+    for (std::size_t i = 0; i < n; ++i) density[i] += 3 * std::sin(static_cast<double>(i));
+    Fluid fluid(FluidSettings{.materials = {calm_water()},
+                              .spacing = 0.1,
+                              .smoothing_ratio = 0.95,
+                              .variable_smoothing = true,
+                              .gradients = order},
+                std::vector<double>(n, 10.0), std::vector<std::uint8_t>(n, 0));
+    const std::vector<double> rest(2 * n, 0.0);
+    ASSERT_EQ(fluid.measure(x, rest, 0, density), 0);
+    const int most = quadratic_exact(order) ? 2 : 1;
+    EXPECT_EQ(fluid.degrees()[middle], most);
+    EXPECT_EQ(fluid.degrees()[cross], 1);
+    EXPECT_EQ(fluid.degrees()[triangle], 1);
+    EXPECT_EQ(fluid.degrees()[pair], 0);
+    EXPECT_EQ(fluid.degrees()[alone], 0);
+    const auto count = fluid.degree_counts();
+    EXPECT_EQ(count[0] + count[1] + count[2], static_cast<double>(n));
+    EXPECT_EQ(count[0],
+              5);  // the pair, the one alone and the ends of the triangle, whose diagonal weighs little
+    EXPECT_EQ(count[2] > 0, most == 2);
+    // Shepard's: the mean of one neighbour's and the own density, by the weights.
+    EXPECT_GT(fluid.density_gradient()[2 * pair] * (density[pair + 3] - density[pair]), 0);
+    EXPECT_EQ(fluid.density_gradient()[2 * alone], 0);
+    fluid.find_forces(x, rest, density);
+    double sum[2] = {0, 0}, size = 0;
+    for (std::size_t c = 0; c < 2 * n; ++c) {
+      ASSERT_TRUE(std::isfinite(fluid.force()[c])) << c;
+      sum[c % 2] += fluid.force()[c];
+      size += std::abs(fluid.force()[c]);
+    }
+    EXPECT_NEAR(sum[0], 0, 1e-13 * size);
+    EXPECT_NEAR(sum[1], 0, 1e-13 * size);
+    EXPECT_NE(fluid.force()[2 * pair], 0);
+    EXPECT_EQ(fluid.force()[2 * alone], 0);
+  }
+}
+
 TEST(Fluid, NeighbourListsAreCompleteWhereverParticlesGo) {
   FluidCloud cloud(0.2);
   MovingNeighbours lists(0.21, 0.03);
