@@ -22,8 +22,9 @@ namespace estuary {
 struct SharedStream::Memory {
   struct Direction {
     alignas(64) std::atomic<std::uint64_t> written;  // by the writer
-    std::atomic<std::int64_t> written_at;            // by the clock of the machine [ns]
-    alignas(64) std::atomic<std::uint64_t> taken;    // by the reader
+    std::atomic<std::uint64_t> begun;              // where the writer last went back to the ring's beginning
+    std::atomic<std::int64_t> written_at;          // by the clock of the machine [ns]
+    alignas(64) std::atomic<std::uint64_t> taken;  // by the reader
     alignas(64) std::atomic<std::uint32_t> reader_sleeps;
     alignas(64) std::array<char, capacity> bytes;
   };
@@ -44,10 +45,12 @@ std::int64_t machine_clock() {
   return std::chrono::nanoseconds(std::chrono::steady_clock::now().time_since_epoch()).count();
 }
 
+ChannelError impossible(std::uint64_t bytes) {
+  return ChannelError(fmt::format("the memory of a direct line holds a counter that is {} bytes off", bytes));
+}
+
 std::uint64_t within_ring(std::uint64_t bytes) {
-  if (bytes > SharedStream::capacity)
-    throw ChannelError(
-        fmt::format("the memory of a direct line holds a counter that is {} bytes off", bytes));
+  if (bytes > SharedStream::capacity) throw impossible(bytes);
   return bytes;
 }
 
@@ -102,6 +105,7 @@ SharedStream& SharedStream::operator=(SharedStream&& other) noexcept {
   maker_ = other.maker_;
   written_ = other.written_;
   taken_ = other.taken_;
+  begun_ = other.begun_;
   return *this;
 }
 
@@ -111,7 +115,16 @@ void SharedStream::close_descriptor() {
 
 std::size_t SharedStream::write(const char* bytes, std::size_t size) {
   auto& way = memory_->direction[own()];
-  const std::uint64_t under_way = within_ring(written_ - way.taken.load(std::memory_order_acquire));
+  const std::uint64_t taken = way.taken.load(std::memory_order_acquire);
+  // A reader that has not read yet stands where the ring was empty, before the writer went to its beginning.
+  const bool stands_before = begun_ > taken && within_ring(begun_ - taken) > 0;
+  const std::uint64_t under_way = within_ring(written_ - (stands_before ? begun_ : taken));
+  // An empty ring is begun anew: small messages stay in the same lines of the caches, and in pages that were
+  // touched before, each of which costs more for the first time than the messages in it.
+  if (under_way == 0 && size > 0 && written_ % capacity != 0) {
+    written_ = begun_ = (written_ / capacity + 1) * capacity;
+    way.begun.store(begun_, std::memory_order_relaxed);
+  }
   const std::size_t fitting = std::min(size, capacity - static_cast<std::size_t>(under_way));
   const std::size_t at = written_ % capacity;
   const std::size_t to_end = std::min(fitting, capacity - at);
@@ -131,7 +144,14 @@ bool SharedStream::readable() const {
 
 std::size_t SharedStream::read(char* bytes, std::size_t size) {
   auto& way = memory_->direction[others()];
-  const std::uint64_t there = within_ring(way.written.load(std::memory_order_acquire) - taken_);
+  const std::uint64_t written = way.written.load(std::memory_order_acquire);
+  // Only what precedes the bytes seen: the writer may be about to begin anew with the next ones.
+  const std::uint64_t begun = way.begun.load(std::memory_order_relaxed);
+  if (begun > taken_ && begun <= written) {
+    if (begun % capacity != 0) throw impossible(begun % capacity);
+    taken_ += within_ring(begun - taken_);
+  }
+  const std::uint64_t there = within_ring(written - taken_);
   const std::size_t given = std::min(size, static_cast<std::size_t>(there));
   const std::size_t at = taken_ % capacity;
   const std::size_t to_end = std::min(given, capacity - at);

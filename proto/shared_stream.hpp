@@ -63,6 +63,7 @@ private:
   bool maker_ = false;
   std::uint64_t written_ = 0;  // bytes, since the beginning
   std::uint64_t taken_ = 0;
+  std::uint64_t begun_ = 0;  // of the bytes written, those before the ring was last begun anew
 };
 
 }  // namespace estuary

@@ -14,6 +14,8 @@
 #include <ctime>
 #include <filesystem>
 #include <optional>
+#include <string>
+#include <string_view>
 #include <thread>
 
 #include "channel.hpp"
@@ -346,6 +348,38 @@ TEST(SharedStream, DoesNotBelieveACounterThatCannotBe) {
   EXPECT_THROW((void)far.read(bytes.data(), bytes.size()), ChannelError);
   EXPECT_EQ(near->write("12345678", 8), 8U);  // it keeps its own count
   EXPECT_EQ(far.read(bytes.data(), bytes.size()), 8U);
+  ::munmap(place, static_cast<std::size_t>(entry.st_size));
+}
+
+TEST(SharedStream, BeginsAnEmptyRingAnewAndKeepsWhatIsUnderWay) {
+  auto near = SharedStream::create(true);
+  ASSERT_TRUE(near);
+  auto far = SharedStream::map(::dup(near->descriptor()));
+  struct stat entry {};
+  ASSERT_EQ(::fstat(near->descriptor(), &entry), 0);
+  void* place =
+      ::mmap(nullptr, static_cast<std::size_t>(entry.st_size), PROT_READ, MAP_SHARED, near->descriptor(), 0);
+  ASSERT_NE(place, MAP_FAILED);
+  const std::string_view memory(static_cast<const char*>(place), static_cast<std::size_t>(entry.st_size));
+  std::array<char, 8> bytes{};
+  ASSERT_EQ(near->write("at first", 8), 8U);
+  const std::size_t beginning = memory.find("at first");
+  ASSERT_NE(beginning, std::string_view::npos);
+  for (int k = 0; k < 3; ++k) {
+    ASSERT_EQ(far.read(bytes.data(), 8), 8U);
+    ASSERT_EQ(near->write("repeated", 8), 8U);
+    EXPECT_EQ(memory.substr(beginning, 8), "repeated");
+  }
+  // Nobody has read it: what comes next goes behind it, as much as there is room for, and comes out in order.
+  ASSERT_EQ(near->write("the next", 8), 8U);
+  EXPECT_EQ(memory.substr(beginning, 16), "repeatedthe next");
+  const std::string rest(SharedStream::capacity, 'x');
+  EXPECT_EQ(near->write(rest.data(), rest.size()), SharedStream::capacity - 16);
+  EXPECT_EQ(near->write("no", 2), 0U);
+  std::string all(SharedStream::capacity, ' ');
+  EXPECT_EQ(far.read(all.data(), all.size()), SharedStream::capacity);
+  EXPECT_EQ(all, "repeatedthe next" + rest.substr(16));
+  EXPECT_FALSE(far.readable());
   ::munmap(place, static_cast<std::size_t>(entry.st_size));
 }
 
