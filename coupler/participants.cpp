@@ -304,7 +304,7 @@ void Participants::launch(RemoteParticipant& participant, const std::string& end
 }
 
 DirectLine::Bytes Participants::line_to(const v1::Welcome& welcome) const {
-  if (!can(welcome, "shared-memory")) return DirectLine::Bytes::over_socket;
+  if (!can(welcome, "shared-ring")) return DirectLine::Bytes::over_socket;
   const int processors = std::max(1, static_cast<int>(std::thread::hardware_concurrency()));
   int most = 0;
   int all = 0;

@@ -91,7 +91,7 @@ private:
     welcome->add_capabilities("advance-accepts");  // by Session, for every participant
     if (queue_.offers_direct_line()) {
       welcome->add_capabilities("direct-line");
-      welcome->add_capabilities("shared-memory");
+      welcome->add_capabilities("shared-ring");
     }
     for (const auto dimension : identity_.dimensions) welcome->add_dimensions(dimension);
     welcome->set_process(static_cast<std::uint64_t>(::getpid()));

@@ -58,7 +58,7 @@ public:
 
   /// Enters the participant's direct line when it has one at this endpoint; an Advance and an Accept then go
   /// over it, and their replies come back over it. To be called after its Welcome with the capability
-  /// "direct-line"; through memory where it has the capability "shared-memory" too.
+  /// "direct-line"; through memory where it has the capability "shared-ring" too.
   void open_direct_line(DirectLine::Bytes bytes = DirectLine::Bytes::over_socket);
 
   /// Throws ChannelError when the message is too large.
