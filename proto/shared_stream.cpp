@@ -18,7 +18,8 @@
 
 namespace estuary {
 
-// Writer's and reader's words lie on cache lines of their own.
+// Writer's and reader's words lie on cache lines of their own. Another layout needs another capability: both
+// ends may come from different builds, and the size does not tell.
 struct SharedStream::Memory {
   struct Direction {
     alignas(64) std::atomic<std::uint64_t> written;  // by the writer
@@ -117,8 +118,8 @@ std::size_t SharedStream::write(const char* bytes, std::size_t size) {
   auto& way = memory_->direction[own()];
   const std::uint64_t taken = way.taken.load(std::memory_order_acquire);
   // A reader that has not read yet stands where the ring was empty, before the writer went to its beginning.
-  const bool stands_before = begun_ > taken && within_ring(begun_ - taken) > 0;
-  const std::uint64_t under_way = within_ring(written_ - (stands_before ? begun_ : taken));
+  if (begun_ > taken) within_ring(begun_ - taken);
+  const std::uint64_t under_way = within_ring(written_ - std::max(begun_, taken));
   // An empty ring is begun anew: small messages stay in the same lines of the caches, and in pages that were
   // touched before, each of which costs more for the first time than the messages in it.
   if (under_way == 0 && size > 0 && written_ % capacity != 0) {

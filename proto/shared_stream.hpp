@@ -61,9 +61,10 @@ private:
   int descriptor_ = -1;
   Memory* memory_ = nullptr;
   bool maker_ = false;
-  std::uint64_t written_ = 0;  // bytes, since the beginning
+  // Places in the stream of bytes, which skips to the next whole ring when the ring is begun anew.
+  std::uint64_t written_ = 0;
   std::uint64_t taken_ = 0;
-  std::uint64_t begun_ = 0;  // of the bytes written, those before the ring was last begun anew
+  std::uint64_t begun_ = 0;  // where it last was
 };
 
 }  // namespace estuary

@@ -71,7 +71,7 @@ public:
   /// With moving least squares, the degree of each particle in the state last measured; empty without.
   [[nodiscard]] const std::vector<std::uint8_t>& degrees() const { return degree_; }
 
-  /// How many have degree 0, 1 and 2.
+  /// How many have degree 0, 1 and 2, likewise: forces that are set bring none.
   [[nodiscard]] std::array<double, 3> degree_counts() const;
 
   [[nodiscard]] double energy(std::span<const double> density) const;  // [J/m]
@@ -123,7 +123,7 @@ private:
   std::array<double, 2> lattice_support_{};  // of the undisturbed lattice, for degrees 1 and 2
   std::vector<double> diameter_;             // [m]
   std::vector<double> fresh_density_;
-  std::vector<double> stress_;            // V S H^-1, 4 per particle
+  std::vector<double> stress_;            // V S H^-1 (moving least squares: V S), 4 per particle
   std::vector<double> viscous_stress_;    // its viscous part; empty without viscosity
   std::vector<double> support_;           // V tr(H^-1) / 2; empty without Riemann problems
   std::vector<double> density_gradient_;  // 2 per particle

@@ -155,6 +155,7 @@ void ImpactSolver::spread_history(const std::vector<double>& history) {
   row_history_.assign(history.begin(), rows);
   if (solid_) solid_->set_history({rows, middle});
   if (density_.empty()) return;
+  static_cast<void>(fluid_.diffusion_work());  // of a step that failed
   const auto forces = middle + static_cast<std::ptrdiff_t>(density_.size());
   std::copy(middle, forces, density_.begin());
   fluid_.set_forces({forces, history.end() - 1});
@@ -180,6 +181,7 @@ void ImpactSolver::copy_fields() {
   }
 }
 
+// Of the state that the history belongs to: a fluid that has moved is at rest nowhere, and keeps its forces.
 std::int64_t ImpactSolver::evaluate(std::span<const double> displacement) {
   spread_history(history_);
   place(displacement);

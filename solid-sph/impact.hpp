@@ -84,6 +84,7 @@ private:
   void drift(State& state, const Loading& loading, double time, double time_step);
   void spread_history(const std::vector<double>& history);
   [[nodiscard]] std::vector<double> gathered_history() const;
+  void say_degrees();
   /// How much of the history belongs to the fluid.
   [[nodiscard]] std::size_t fluid_history() const { return density_.empty() ? 0 : 6 * density_.size() + 1; }
 
@@ -112,8 +113,6 @@ private:
   bool window_begins_ = false;
   std::vector<double> contact_force_;  // its mean over the window [N/m]
   double solid_viscous_power_ = 0;     // [W/m]
-  void say_degrees();
-
   bool touching_ = false;
   std::array<double, 2> said_degrees_{};  // most particles at degree 0 and 1 so far
   bool forces_kept_ = false;  // the fluid's forces are those the last step of this state ended with

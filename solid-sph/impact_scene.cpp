@@ -226,7 +226,7 @@ void plan_impact(const SolidScene& scene, Plan& plan) {
   if (!scene.contact) plan.left_out.emplace_back("contact between bodies (no [solid.contact])");
   if (scene.friction == 0) plan.left_out.emplace_back("friction");
   if (scene.penetration_correction == 0) plan.left_out.emplace_back("correction of penetrations");
-  plan.memory_bytes = particles * 700;
+  plan.memory_bytes = particles * 1200;
   const bool fitted = scene.fluids() && is_moving_least_squares(scene.order);
   plan.variant =
       fmt::format("2d-impact{}{}{}", scene.fluids() ? "-fluid" : "",

@@ -348,6 +348,13 @@ TEST(SharedStream, DoesNotBelieveACounterThatCannotBe) {
   EXPECT_THROW((void)far.read(bytes.data(), bytes.size()), ChannelError);
   EXPECT_EQ(near->write("12345678", 8), 8U);  // it keeps its own count
   EXPECT_EQ(far.read(bytes.data(), bytes.size()), 8U);
+  // Then where the ring was last begun anew: at its beginning, and within a ring of what was taken.
+  std::uint64_t& written = static_cast<std::uint64_t*>(place)[0];
+  std::uint64_t& begun = static_cast<std::uint64_t*>(place)[1];
+  written = begun = 16;
+  EXPECT_THROW((void)far.read(bytes.data(), bytes.size()), ChannelError);
+  written = begun = 2 * SharedStream::capacity;
+  EXPECT_THROW((void)far.read(bytes.data(), bytes.size()), ChannelError);
   ::munmap(place, static_cast<std::size_t>(entry.st_size));
 }
 

@@ -300,8 +300,11 @@ poisson_ratio = 0.3
   EXPECT_LT(centres, 0.95 * contour);
 }
 
-TEST(Impact, RepeatedWindowsAndARestartGiveTheSameBits) {
-  const std::string text = with_spacing(column_scene(80, 0.0125, kRigidPlate));
+class RepeatedWindowsAndARestart : public testing::TestWithParam<const char*> {};
+
+TEST_P(RepeatedWindowsAndARestart, GiveTheSameBits) {
+  const std::string text = replaced(with_spacing(column_scene(80, 0.0125, kRigidPlate)), "[solid]\n",
+                                    std::string("[solid]\ncorrection = \"") + GetParam() + "\"\n");
   test::RunningScene one(text, 1e-5), two(text, 1e-5), three(text, 1e-5);
   one.run(6);
   two.run(6, true);
@@ -315,8 +318,11 @@ TEST(Impact, RepeatedWindowsAndARestartGiveTheSameBits) {
     EXPECT_EQ(one.value("all", quantity), three.value("all", quantity)) << quantity;
 }
 
+INSTANTIATE_TEST_SUITE_P(Gradients, RepeatedWindowsAndARestart, testing::Values("linear", "mls_quadratic"),
+                         [](const auto& each) { return std::string(each.param); });
+
 // A window goes on with the forces that the one before ended with: where the windows end does not matter to a
-// motion without contact, and of what is taken up again every bit is the same.
+// motion without contact.
 TEST(Impact, WindowsDoNotChangeTheMotionOfAFluid) {
   std::string text = replaced(with_spacing(column_scene(0, 0.0125, kRigidPlate)),
                               "velocity = [\"0\", \"-0.000000\"]", "velocity = [\"300 * x\", \"800 * y\"]");
