@@ -163,6 +163,30 @@ Plan plan_of(const GrainsScene& scene) {
     plan.warnings.emplace_back(
         "a fluid takes part, but [grains.fluid] does not say how it carries the grains: "
         "gravity acts in full and no buoyancy is added");
+  if (scene.coupled_to_fluid && scene.fluid.present) {
+    const auto& given = scene.fluid.acceleration;
+    const bool driven = std::any_of(given.begin(), given.end(), [](double a) { return a != 0; });
+    if (scene.fluid.reduced_gravity && scene.fluid.has_body_force && !driven)
+      plan.warnings.emplace_back(
+          "[fluid] body_force does not reach the grains: where it drives the flow give [grains.fluid] "
+          "acceleration the same, where it is gravity buoyancy = \"pressure\" (the weight is reduced "
+          "already)");
+    if (scene.fluid.reduced_gravity && !scene.fluid.has_body_force && driven)
+      plan.warnings.emplace_back(
+          "[grains.fluid] acceleration drives the grains as a body force on the fluid would, and [fluid] has "
+          "no "
+          "body_force");
+    if (!scene.fluid.reduced_gravity && !scene.fluid.has_body_force && gravity > 0)
+      plan.warnings.emplace_back(
+          "buoyancy = \"pressure\", and [fluid] has no body_force: nothing carries the grains; give it "
+          "gravity, "
+          "or leave buoyancy at \"reduced_gravity\"");
+    if (!scene.fluid.reduced_gravity && driven)
+      plan.warnings.emplace_back(
+          "buoyancy = \"pressure\" and [grains.fluid] acceleration: the pressure of a fluid at rest under "
+          "its "
+          "body_force carries the grains already; give acceleration only where it drives a flow");
+  }
   if (scene.contact_margin > 0)
     add("contact margin",
         fmt::format("grains touch {:.3g} m before their surfaces meet", 2 * scene.contact_margin));

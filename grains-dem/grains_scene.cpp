@@ -167,6 +167,7 @@ GrainsScene read_grains_scene(Scene& scene, const std::string& role) {
   SceneTable root = scene.root();
   result.dimension = static_cast<int>(root.integer_or("dimension", 2, 2, 3));
   result.coupled_to_fluid = root.has("fluid");
+  if (auto fluid = root.table_if("fluid")) result.fluid.has_body_force = fluid->has("body_force");
   result.coupled_to_solid = root.has("solid");
   if (auto coupling = root.table_if("coupling")) {
     result.steady = coupling->text_or("mode", "steady") == "steady";

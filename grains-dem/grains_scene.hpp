@@ -88,7 +88,8 @@ struct FluidScene {
       true;  // less the weight of the fluid displaced, or whole: the fluid's own pressure carries
   double virtual_mass = 0;  // in masses of the fluid displaced; see medium.hpp
   std::vector<double>
-      acceleration;  // body force that drives the fluid: its pressure gradient acts on grains too
+      acceleration;             // body force that drives the fluid: its pressure gradient acts on grains too
+  bool has_body_force = false;  // in the fluid's own table: gravity or what drives it
 };
 
 struct GrainsScene {

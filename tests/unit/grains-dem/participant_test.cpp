@@ -112,6 +112,27 @@ TEST(Configure, WarnsOfGrainsThatBeginInEachOther) {
   EXPECT_THAT(run.plan.warnings.front(), HasSubstr("grains 0 and 1 begin with an overlap of 0.5 radii"));
 }
 
+// The weight is either reduced or carried by the fluid's pressure, and what drives the fluid drives grains.
+TEST(Configure, WarnsOfBuoyancyThatIsThereTwiceOrNotAtAll) {
+  const auto warned = [](const char* fluid, const char* grains) {
+    const std::string tables =
+        std::string("[fluid]\n") + fluid + "\n[grains.fluid]\ndensity = 1000\n" + grains + "\n[[watch]]";
+    std::string all;
+    for (const auto& warning : Running(replaced(kHeap, "[[watch]]", tables)).plan.warnings) all += warning;
+    return all;
+  };
+  const char *force = "body_force = [0, -9.81]", *pressure = "buoyancy = \"pressure\"",
+             *driven = "acceleration = [0, -9.81]";
+  EXPECT_EQ(warned("", ""), "");
+  EXPECT_EQ(warned(force, pressure), "");
+  EXPECT_EQ(warned(force, driven), "");
+  EXPECT_THAT(warned(force, ""), HasSubstr("does not reach the grains"));
+  EXPECT_THAT(warned("", driven), HasSubstr("has no body_force"));
+  EXPECT_THAT(warned("", pressure), HasSubstr("nothing carries the grains"));
+  EXPECT_THAT(warned(force, (std::string(pressure) + "\n" + driven).c_str()),
+              HasSubstr("carries the grains already"));
+}
+
 struct Refusal {
   const char *what, *with, *message;
 };
