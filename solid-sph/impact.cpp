@@ -181,7 +181,8 @@ void ImpactSolver::copy_fields() {
   }
 }
 
-// Of the state that the history belongs to: a fluid that has moved is at rest nowhere, and keeps its forces.
+// `displacement` has to be that of the history: once a fluid has taken a step, its forces are those kept in
+// it, viscous ones included.
 std::int64_t ImpactSolver::evaluate(std::span<const double> displacement) {
   spread_history(history_);
   place(displacement);
