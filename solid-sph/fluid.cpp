@@ -1,6 +1,7 @@
 #include "fluid.hpp"
 
 #include <algorithm>
+#include <atomic>
 #include <cmath>
 #include <numbers>
 #include <utility>
@@ -138,9 +139,11 @@ std::int64_t Fluid::measure_variant(const double* x, const double* v, double tim
   const double support2 = 4 * ratio * ratio * spacing * spacing;
   const double* diameter = diameter_.data();
   std::int64_t bad = 0;
+  first_bad_ = n;
   double* fresh = fresh_density_.data();  // neighbours read the density at the step's start
   on_team(n > kSerialBelow, [&] {
     std::int64_t bad_here = 0;
+    std::size_t first_here = n;
 #pragma omp for schedule(static) nowait
     for (std::size_t i = 0; i < n; ++i) {
       const double xi = x[2 * i], yi = x[2 * i + 1], vx = v[2 * i], vy = v[2 * i + 1], rho = density[i];
@@ -248,10 +251,19 @@ std::int64_t Fluid::measure_variant(const double* x, const double* v, double tim
         s[3] = sxy * txy + syy * tyy;
       }
       // Written so that a NaN counts as bad.
-      if (!(std::isfinite(p + axx + ayy + xi + yi) && change > 0)) ++bad_here;
+      if (!(std::isfinite(p + axx + ayy + xi + yi) && change > 0)) {
+        ++bad_here;
+        first_here = std::min(first_here, i);
+      }
     }
 #pragma omp atomic
     bad += bad_here;
+    if (bad_here > 0) {
+      const std::atomic_ref<std::size_t> first_of_all(first_bad_);
+      std::size_t so_far = first_of_all.load();
+      while (first_here < so_far && !first_of_all.compare_exchange_weak(so_far, first_here)) {
+      }
+    }
   });
   return bad;
 }

@@ -53,9 +53,10 @@ public:
   [[nodiscard]] std::size_t size() const { return mass_.size(); }
   /// Geometry, velocity gradient and density at positions reached by a step of `time_step` with `velocity`
   /// (0: of the state as it is, the density stays). Returns how many particles are not finite or have no
-  /// volume.
+  /// volume; `first_bad` is then the first of them.
   std::int64_t measure(std::span<const double> position, std::span<const double> velocity, double time_step,
                        std::vector<double>& density);
+  [[nodiscard]] std::size_t first_bad() const { return first_bad_; }
   /// Forces [N/m] of the state last measured, 2 per particle; those of artificial and real viscosity alone.
   void find_forces(std::span<const double> position, std::span<const double> velocity,
                    std::span<const double> density);
@@ -114,6 +115,7 @@ private:
   std::vector<double> mass_;
   std::vector<std::uint8_t> member_;
   MovingNeighbours neighbours_;
+  std::size_t first_bad_ = 0;
   bool dissipative_ = false, diffusive_ = false, viscous_ = false, riemann_ = false;
   double reference_ = 0;                     // H of the undisturbed lattice times spacing^2
   std::vector<double> weight_;               // F of every pair [1/m4]

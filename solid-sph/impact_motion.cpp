@@ -57,7 +57,10 @@ bool ImpactSolver::find_forces(State& state, double time_step, std::uint64_t ste
       for (std::size_t k = 0; k < fluid_particle_.size(); ++k)
         if (!std::isfinite(fluid_position_[2 * k] + fluid_position_[2 * k + 1] + density_[k]))
           throw Breakdown(fluid_particle_[k], step, std::numeric_limits<double>::quiet_NaN());
-      throw Breakdown(fluid_particle_.front(), step, 0);
+      throw Breakdown(fluid_particle_[fluid_.first_bad()], step, "density",
+                      "of a fluid has lost its volume within one step",
+                      "use tension_limit = 0, with which a fluid parts where it leaves a wall instead of "
+                      "hanging on, a smaller courant, or more artificial viscosity");
     }
     fluid_.find_forces(fluid_position_, fluid_velocity_, density_);
     state.viscous_work += fluid_.diffusion_work();

@@ -50,7 +50,7 @@ void ShellRow::refuse_folded(std::uint64_t step) const {
   for (std::size_t l = 0; l < links_.size(); ++l)
     if (at_[l].folded && !sections_[links_[l].member].rupture.any())
       throw Breakdown(
-          particle_[links_[l].a], step,
+          particle_[links_[l].a], step, "rotation",
           "begins a link of a shell that has folded (its fibres lie along it, not across)",
           "use shorter links (spacing), which share a hinge's angle, a smaller load or courant, or "
           "[solid] rupture, by which such a link breaks");

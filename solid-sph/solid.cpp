@@ -143,7 +143,7 @@ void Solid::fail(const Breakdown& breakdown, const Window& window) {
   const std::size_t i = breakdown.particle;
   keep_last_state();
   if (!breakdown.advice.empty())
-    throw Diverged("rotation",
+    throw Diverged(breakdown.field,
                    fmt::format("particle {} with reference position ({:.6g}, {:.6g}) m {} at step {} of "
                                "window {}, iteration {}; fields are in last-state.hdf",
                                i, body_.position[2 * i], body_.position[2 * i + 1], breakdown.what(),

@@ -25,12 +25,17 @@ struct Breakdown : std::runtime_error {
   Breakdown(std::size_t which, std::uint64_t at_step, double volume_ratio)
       : std::runtime_error("inverted or not finite"), particle(which), step(at_step), j(volume_ratio) {}
   /// With what has become of the particle, to follow its place, and what to try.
-  Breakdown(std::size_t which, std::uint64_t at_step, const std::string& what, std::string advice_text)
-      : std::runtime_error(what), particle(which), step(at_step), advice(std::move(advice_text)) {}
+  Breakdown(std::size_t which, std::uint64_t at_step, std::string the_field, const std::string& what,
+            std::string advice_text)
+      : std::runtime_error(what),
+        particle(which),
+        step(at_step),
+        field(std::move(the_field)),
+        advice(std::move(advice_text)) {}
   std::size_t particle;
   std::uint64_t step;
   double j = 0;
-  std::string advice;  // empty: by the sign of `j`
+  std::string field, advice;  // empty: by `j`
 };
 
 /// Called now and then with the share of the request done and a note; it may throw to end the computation.

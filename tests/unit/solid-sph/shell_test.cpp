@@ -3,6 +3,7 @@
 
 #include <gtest/gtest.h>
 
+#include <Eigen/Eigenvalues>
 #include <numbers>
 
 #include "bodies.hpp"
@@ -128,6 +129,54 @@ TEST(Shell, ForcesAndMomentsAreMinusTheEnergysDerivativesAndConserveMomenta) {
     }
     EXPECT_NEAR(moments, -(energy(u, more) - energy(u, less)) / (2 * e), 1e-6 * scale);
   }
+}
+
+// Displacements, and rotations times the spacing, near the state of rest.
+Eigen::MatrixXd stiffness_matrix(MadeShell& made, double spacing) {
+  const std::size_t n = made.body.size();
+  const double e = 1e-5 * spacing;
+  const auto energy = [&](std::size_t a, double by_a, std::size_t b, double by_b) {
+    std::vector<double> u(2 * n, 0.0), turn(2 * n, 0.0);
+    for (const auto& [c, by] : {std::pair{a, by_a}, std::pair{b, by_b}})
+      if (c < 2 * n)
+        u[c] += by;
+      else
+        turn[2 * (c - 2 * n)] += by / spacing;
+    made.solver->set_history(turn);
+    EXPECT_EQ(made.solver->evaluate(u), 0);
+    return made.solver->energy(u);
+  };
+  const auto size = static_cast<Eigen::Index>(3 * n);
+  Eigen::MatrixXd k(size, size);
+  for (std::size_t a = 0; a < 3 * n; ++a)
+    for (std::size_t b = 0; b <= a; ++b) {
+      const auto i = static_cast<Eigen::Index>(a), j = static_cast<Eigen::Index>(b);
+      k(i, j) = k(j, i) =
+          (energy(a, e, b, e) - energy(a, e, b, -e) - energy(a, -e, b, e) + energy(a, -e, b, -e)) /
+          (4 * e * e);
+    }
+  return k;
+}
+
+// What hourglass control is for in a shell of particles: motions that cost nothing. A row of links has none
+// but those of a rigid body, on straight and bent lines, open and closed.
+TEST(Shell, NothingButRigidMotionsCostsNoEnergy) {
+  const double spacing = 0.2;
+  for (const double thickness : {0.05, 0.2})
+    for (const int shape : {0, 1, 2}) {
+      ShellSection section = kSteel;
+      section.thickness = thickness;
+      const auto made = row(shape == 0 ? std::vector<std::array<double, 2>>{{0, 0}, {1.4, 0}}
+                                       : arc(8, 0.25, shape == 1 ? 2.5 : 2 * pi * 7 / 8),
+                            spacing, section, shape == 2);
+      ASSERT_GE(made->body.size(), 4U);
+      const Eigen::VectorXd values =
+          Eigen::SelfAdjointEigenSolver<Eigen::MatrixXd>(stiffness_matrix(*made, spacing)).eigenvalues();
+      // A wave along the whole length bends it by some t^2 of the stiffness against stretch.
+      const double least = 1e-3 * std::pow(thickness / spacing, 2) * values.maxCoeff();
+      for (Eigen::Index k = 0; k < 3; ++k) EXPECT_LT(std::abs(values[k]), 1e-3 * least) << shape << " " << k;
+      EXPECT_GT(values[3], least) << shape << " " << thickness;
+    }
 }
 
 // Tip deflection under a small force at the end, over Timoshenko's.
