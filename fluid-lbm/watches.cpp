@@ -187,55 +187,23 @@ void evaluate_box(const FluidScene& scene, const WatchRequest& watch, const Fiel
   const Units& units = scene.units;
   const Grid& grid = cells.grid();
   const auto components = static_cast<std::size_t>(grid.dimension());
+  const std::array<int, 3> counts{grid.nx, grid.ny, grid.layers()};
   const auto from = to_lattice(grid, watch.points.data());
   const auto to = to_lattice(grid, watch.points.data() + components);
   std::array<int, 3> low{}, high{};
-  double nodes = 1;
   for (std::size_t axis = 0; axis < components; ++axis) {
-    const std::array<int, 3> counts{grid.nx, grid.ny, grid.layers()};
     low[axis] = std::max(0, static_cast<int>(std::ceil(from[axis] - 1e-9)));
     high[axis] = std::min(counts[axis] - 1, static_cast<int>(std::floor(to[axis] + 1e-9)));
-    nodes *= std::max(0, high[axis] - low[axis] + 1);
   }
-  struct Sums {
-    double fluid = 0, pressure = 0;
-    std::array<double, 3> velocity{}, place{}, square{}, mixed{};
-  };
-  Sums sums;
-  in_turn(ranks, sums, [&](Sums& all) {
-    for (int z = low[2]; z <= high[2]; ++z)
-      for (int y = low[1]; y <= high[1]; ++y) {
-        if (!grid.owns(y, z)) continue;
-        for (int x = low[0]; x <= high[0]; ++x) {
-          if (!cells.fluid(x, y, z)) continue;
-          const std::size_t k = grid.index(x, y, z);
-          const std::array<double, 3> v{fields.velocity_x[k], fields.velocity_y[k],
-                                        grid.nz > 0 ? fields.velocity_z[k] : 0.0};
-          const std::array<double, 3> at{x - from[0], y - from[1], z - from[2]};
-          all.fluid += 1;
-          all.pressure += fields.excess[k];
-          for (std::size_t axis = 0; axis < 3; ++axis) {
-            all.velocity[axis] += v[axis];
-            all.place[axis] += at[axis];
-            all.square[axis] += at[axis] * at[axis];
-            all.mixed[axis] += at[axis] * fields.excess[k];
-          }
-        }
-      }
-  });
-  const auto& [fluid, pressure, velocity, place, square, mixed] = sums;
+  const BoxMeans means = box_means(fields, cells, low, high, ranks);
   const double to_velocity = 1 / units.velocity_to_lattice();
   const double to_pressure = D2Q9::sound_speed_squared * units.stress();
   const auto drive = evaluate_body_force(scene, time);
-  values.quantities = {{"pressure", fluid > 0 ? pressure / fluid * to_pressure : 0},
-                       {"porosity", nodes > 0 ? fluid / nodes : 0}};
+  values.quantities = {{"pressure", means.excess * to_pressure}, {"porosity", means.porosity}};
   constexpr std::array<const char*, 3> names{"x", "y", "z"};
   for (std::size_t axis = 0; axis < components; ++axis) {
-    // Of fluid and solid: what flows through, over the whole cross-section.
-    const double mean = nodes > 0 ? velocity[axis] / nodes * to_velocity : 0;
-    const double spread = fluid * square[axis] - place[axis] * place[axis];
-    const double slope = spread > 0 ? (fluid * mixed[axis] - place[axis] * pressure) / spread : 0;
-    const double gradient = slope * to_pressure / grid.spacing;
+    const double mean = means.velocity[axis] * to_velocity;
+    const double gradient = means.excess_gradient[axis] * to_pressure / grid.spacing;
     const double push = units.density * drive[axis] / units.acceleration_to_lattice() - gradient;
     values.quantities.emplace_back(std::string("mean_velocity_") + names[axis], mean);
     values.quantities.emplace_back(std::string("pressure_gradient_") + names[axis], gradient);
@@ -314,6 +282,62 @@ void evaluate_obstacle(const FluidScene& scene, const WatchRequest& watch, const
 }
 
 }  // namespace
+
+BoxMeans box_means(const Fields& fields, const Cells& cells, const std::array<int, 3>& low,
+                   const std::array<int, 3>& high, Ranks* ranks) {
+  const Grid& grid = cells.grid();
+  struct Plane {
+    double fluid = 0, excess = 0;
+  };
+  struct Sums {
+    double fluid = 0, excess = 0;
+    std::array<double, 3> velocity{};
+    std::array<Plane, 3> first{}, last{};  // of each axis
+  } sums;
+  in_turn(ranks, sums, [&](Sums& all) {
+    for (int z = low[2]; z <= high[2]; ++z)
+      for (int y = low[1]; y <= high[1]; ++y) {
+        if (!grid.owns(y, z)) continue;
+        for (int x = low[0]; x <= high[0]; ++x) {
+          if (!cells.fluid(x, y, z)) continue;
+          const std::size_t k = grid.index(x, y, z);
+          const double excess = fields.excess[k];
+          all.fluid += 1;
+          all.excess += excess;
+          all.velocity[0] += fields.velocity_x[k];
+          all.velocity[1] += fields.velocity_y[k];
+          if (grid.nz > 0) all.velocity[2] += fields.velocity_z[k];
+          const std::array<int, 3> at{x, y, z};
+          const auto add = [excess](Plane& plane) {
+            plane.fluid += 1;
+            plane.excess += excess;
+          };
+          for (std::size_t axis = 0; axis < 3; ++axis) {
+            if (at[axis] == low[axis]) add(all.first[axis]);
+            if (at[axis] == high[axis]) add(all.last[axis]);
+          }
+        }
+      }
+  });
+  const std::array<int, 3> counts{grid.nx, grid.ny, grid.layers()};
+  const std::array<bool, 3> periodic{grid.periodic_x, grid.periodic_y, grid.periodic_z};
+  BoxMeans means;
+  double nodes = 1;
+  for (std::size_t axis = 0; axis < 3; ++axis) nodes *= std::max(0, high[axis] - low[axis] + 1);
+  if (sums.fluid == 0) return means;
+  means.excess = sums.excess / sums.fluid;
+  means.porosity = sums.fluid / nodes;
+  for (std::size_t axis = 0; axis < 3; ++axis) {
+    means.velocity[axis] = sums.velocity[axis] / nodes;
+    const Plane &first = sums.first[axis], &last = sums.last[axis];
+    const int length = high[axis] - low[axis];
+    // Once around a period both ends are the same plane: what drives the flow is a body force.
+    const bool around = periodic[axis] && length + 1 == counts[axis];
+    if (length > 0 && !around && first.fluid > 0 && last.fluid > 0)
+      means.excess_gradient[axis] = (last.excess / last.fluid - first.excess / first.fluid) / length;
+  }
+  return means;
+}
 
 bool watches_need_fields(const FluidScene& scene) {
   return std::any_of(scene.watches.begin(), scene.watches.end(),

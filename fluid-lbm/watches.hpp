@@ -1,6 +1,7 @@
 // Values a scene asks to follow: at a point, along a line, on an obstacle, or of the whole flow.
 #pragma once
 
+#include <array>
 #include <vector>
 
 #include "fields.hpp"
@@ -17,10 +18,9 @@ namespace estuary::fluid {
 ///           their distance along the line; in two dimensions flow_rate: volume per second and metre of
 ///           depth through the line, from its left to its right as walked [m2/s]
 /// box       over the fluid nodes in it: pressure (mean), porosity (share of fluid nodes), mean_velocity_x,
-/// ... (over
-///           fluid and solid), pressure_gradient_x, ... (least squares along each axis) [Pa/m],
-///           permeability_x, ... = viscosity times mean velocity over (body force - pressure gradient) [m2]
-///           (Darcy)
+///           ... (over fluid and solid), pressure_gradient_x, ... (between the box's two end planes of each
+///           axis, see `box_means`) [Pa/m], permeability_x, ... = viscosity times mean velocity over
+///           (body force - pressure gradient) [m2] (Darcy)
 /// obstacle  force_x, force_y, (force_z) [N, in two dimensions N/m], torque about the centre [N m, N]; with a
 ///           reference length L drag_coefficient and lift_coefficient: force_x and force_y over
 ///           rho U^2 L / 2, in three dimensions over rho U^2 / 2 times pi L^2 / 4
@@ -36,5 +36,19 @@ std::vector<WatchValues> evaluate_watches(const FluidScene& scene, Fields& field
 /// Of each watch the nodes that it may look at, in order; none for those that are no point and no line.
 [[nodiscard]] std::vector<std::vector<Node>> nodes_of_watches(const FluidScene& scene, const Grid& grid);
 [[nodiscard]] bool watches_need_fields(const FluidScene& scene);
+
+/// Over the nodes low <= x, y, z <= high (z = 0 in two dimensions), lattice units; called by all ranks. The
+/// gradient along an axis is the difference of the mean pressures (over fluid nodes) of the box's last and
+/// first plane over their distance: Darcy's, whatever lies between them. A line through all nodes would hang
+/// on where in the box the solid lies. Zero for one plane, for an end plane that is all solid, and for a box
+/// that goes once around a period, where both ends are the same plane.
+struct BoxMeans {
+  double excess = 0;                        // over the fluid
+  double porosity = 0;                      // share of fluid nodes
+  std::array<double, 3> velocity{};         // over fluid and solid: what flows through the cross-section
+  std::array<double, 3> excess_gradient{};  // per spacing
+};
+[[nodiscard]] BoxMeans box_means(const Fields& fields, const Cells& cells, const std::array<int, 3>& low,
+                                 const std::array<int, 3>& high, Ranks* ranks = nullptr);
 
 }  // namespace estuary::fluid
