@@ -20,10 +20,11 @@ module = importlib.util.module_from_spec(importlib.util.spec_from_loader("plane_
 loader.exec_module(module)
 
 
-def plate(length, thickness, across, poisson, law="saint_venant_kirchhoff", yield_stress=0.0):
+def plate(length, thickness, across, poisson, law="saint_venant_kirchhoff", yield_stress=0.0, clamped=True, spacing=0.0):
     solid = module.PlaneElements()
     solid.thickness, solid.density, solid.young, solid.poisson = thickness, 7800.0, 2e11, poisson
-    solid.law, solid.yield_stress, solid.across, solid.spacing, solid.watches = law, yield_stress, across, 0.0, []
+    solid.law, solid.yield_stress, solid.across, solid.spacing, solid.watches = law, yield_stress, across, spacing, []
+    solid.clamped = clamped
     solid.make_mesh([[0.0, 0.0], [length, 0.0]])
     return solid
 
@@ -63,6 +64,24 @@ class PlaneElements(unittest.TestCase):
         angle = 0.7
         turned = np.array([[math.cos(angle), -math.sin(angle)], [math.sin(angle), math.cos(angle)]])
         self.assertLess(np.abs(self.forces_of(solid, turned)[0]).max(), 1e-12 * 2e11 * thickness)
+
+    def test_a_free_block_keeps_what_it_receives_and_shows_affine_motions(self):
+        for spacing in (0.0, 0.12):  # a wet node at every node, and at every other
+            solid = plate(1.0, 0.5, 4, 0.3, clamped=False, spacing=spacing)
+            gradient = np.array([[0.02, 0.3], [-0.1, 0.05]])
+            shown = solid.on_surface(solid.places @ gradient.T).reshape(-1, 2)
+            surface = np.reshape(solid.on_surface(solid.places), (-1, 2))
+            self.assertLess(np.abs(shown - surface @ gradient.T).max(), 1e-14)
+            area = 0.5 * sum(x0 * y1 - x1 * y0 for (x0, y0), (x1, y1) in zip(surface, np.roll(surface, -1, axis=0)))
+            self.assertAlmostEqual(area, -0.5, 12)  # clockwise, all around
+            solid.start(None)
+            force = np.random.default_rng(2).standard_normal(len(surface) * 2)
+            window = type("Window", (), {"duration": 5e-4})()
+            inputs = module.payload.Exchange(forces=module.payload.NodalForces(surface=1, force=force.tolist()))
+            _, values = solid.advance(window, inputs)
+            watched = solid.watch({"name": "block"})
+            for axis, name in enumerate(("momentum_x", "momentum_y")):
+                self.assertAlmostEqual(watched[name] / (force[axis::2].sum() * 5e-4), 1, 9)
 
     def test_a_standing_wave_swings_with_its_frequency_to_second_order(self):
         # Without Poisson's effect u = sin(pi x / L) cos(w t), w = pi / L sqrt(E / rho), needs no force on the faces.
