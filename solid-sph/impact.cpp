@@ -63,7 +63,8 @@ std::vector<std::uint8_t> members_of(const Body& body, const std::vector<std::ui
 }
 
 // Of every degree of freedom; 0 where it does not yield.
-std::vector<double> inverse_masses(const Body& body, const std::array<bool, 2>& held) {
+std::vector<double> inverse_masses(const Body& body, const std::array<bool, 2>& held,
+                                   const ShellRow* turning) {
   std::vector<double> result(2 * body.size() + 3 * body.rigid.size(), 0.0);
   for (std::size_t c = 0; c < 2 * body.size(); ++c)
     if (!body.holds(c / 2, c % 2) && !held[c % 2] && body.mass[c / 2] > 0) result[c] = 1 / body.mass[c / 2];
@@ -71,6 +72,8 @@ std::vector<double> inverse_masses(const Body& body, const std::array<bool, 2>& 
     for (std::size_t c = 0; c < 3; ++c)
       if (!body.rigid[r].held[c] && !(c < 2 && held[c]))
         result[2 * body.size() + 3 * r + c] = 1 / body.rigid[r].inertia_of(c);
+  for (std::size_t k = 0; turning != nullptr && k < turning->size(); ++k)
+    result.push_back(turning->turns(k) ? 1 / turning->inertia()[k] : 0.0);
   return result;
 }
 
@@ -93,7 +96,9 @@ ImpactSolver::ImpactSolver(const Body& body, ImpactOptions options)
       is_shell_(body.size(), 0),
       fluid_(std::move(options.fluid), masses_of(body, fluid_particle_), members_of(body, fluid_particle_)),
       pinball_(body, std::move(options.contact)),
-      inverse_mass_(inverse_masses(body, options.held)),
+      rows_(options.sections.empty() ? std::nullopt
+                                     : std::make_optional<ShellRow>(body, std::move(options.sections))),
+      inverse_mass_(inverse_masses(body, options.held, friction_ > 0 && rows_ ? &*rows_ : nullptr)),
       impulses_(inverse_mass_),
       held_(options.held) {
   pairs_.first.assign(body.size() + 1, 0);
@@ -107,8 +112,7 @@ ImpactSolver::ImpactSolver(const Body& body, ImpactOptions options)
     solid_body_ = part_of(body, solid_particle_, local_);
     solid_ = options.make_solid(*solid_body_);
   }
-  if (!options.sections.empty()) {
-    rows_.emplace(body, std::move(options.sections));
+  if (rows_) {
     row_history_ = rows_->rest_history();
     for (std::uint32_t k = 0; k < rows_->size(); ++k) {
       local_[rows_->particles()[k]] = k;

@@ -79,12 +79,17 @@ private:
             double time_step, double damping);
   void kick_rigid(State& state, const Loading& loading, double duration);
   void touch(State& state, double time_step);
+  /// Of all degrees of freedom: of particles, rigid bodies and, with friction, fibres of shells.
   void collect_velocities(const State& state, std::vector<double>& velocity) const;
+  /// What the moments will add to the rate of a fibre in the half-kick to come.
+  [[nodiscard]] double coming_rate(std::size_t local, double time_step);
   void drive(State& state, const Loading& loading, double time, double time_step);
   void drift(State& state, const Loading& loading, double time, double time_step);
   void spread_history(const std::vector<double>& history);
   [[nodiscard]] std::vector<double> gathered_history() const;
   void say_degrees();
+  /// Where the fibres of shells begin among the degrees of freedom.
+  [[nodiscard]] std::size_t fibres_first() const { return 2 * body_.size() + 3 * body_.rigid.size(); }
   /// How much of the history belongs to the fluid.
   [[nodiscard]] std::size_t fluid_history() const { return density_.empty() ? 0 : 6 * density_.size() + 1; }
 
@@ -95,11 +100,11 @@ private:
   std::vector<std::uint8_t> is_shell_;                          // likewise
   Fluid fluid_;
   Pinball pinball_;
+  std::optional<ShellRow> rows_;
+  std::vector<double> row_history_;
   std::vector<double> inverse_mass_;  // of every degree of freedom
   ImpulseSolver impulses_;
   std::array<bool, 2> held_{};
-  std::optional<ShellRow> rows_;
-  std::vector<double> row_history_;
   std::unique_ptr<Body> solid_body_;
   std::unique_ptr<Solver> solid_;
   std::vector<double> position_, velocity_, before_;  // before: at the kick's start

@@ -155,6 +155,12 @@ void ImpactSolver::collect_velocities(const State& state, std::vector<double>& v
   std::copy(state.velocity.begin(), state.velocity.end(), velocity.begin());
   for (std::size_t r = 0; r < body_.rigid.size(); ++r)
     for (std::size_t c = 0; c < 3; ++c) velocity[2 * body_.size() + 3 * r + c] = state.rigid[6 * r + 3 + c];
+  const std::size_t first = fibres_first();
+  for (std::size_t k = first; k < velocity.size(); ++k) velocity[k] = row_history_[2 * (k - first) + 1];
+}
+
+double ImpactSolver::coming_rate(std::size_t k, double time_step) {
+  return rows_->turns(k) ? 0.5 * time_step * rows_->moments()[k] / rows_->inertia()[k] : 0;
 }
 
 // Impulses between the bodies.
@@ -165,7 +171,11 @@ void ImpactSolver::touch(State& state, double time_step) {
   std::vector<ContactRow>& rows = pinball_.rows();
   if (rows.empty()) return;
   collect_velocities(state, velocity_);
+  // Velocities of particles are half a step ahead, those of fibres follow after the next half-kick.
+  const std::size_t fibres = fibres_first(), count = velocity_.size();
+  for (std::size_t k = fibres; k < count; ++k) velocity_[k] += coming_rate(k - fibres, time_step);
   impulses_.solve(rows, friction_, velocity_);
+  for (std::size_t k = fibres; k < count; ++k) velocity_[k] -= coming_rate(k - fibres, time_step);
   for (const ContactRow& row : rows) {
     if (!(row.impulse > 0)) continue;
     touching_ = true;
@@ -191,6 +201,8 @@ void ImpactSolver::touch(State& state, double time_step) {
     if (inverse_mass_[c] != 0) state.velocity[c] = velocity_[c];
   for (std::size_t r = 0; r < body_.rigid.size(); ++r)
     for (std::size_t c = 0; c < 3; ++c) state.rigid[6 * r + 3 + c] = velocity_[2 * n + 3 * r + c];
+  for (std::size_t k = fibres; k < count; ++k)
+    if (inverse_mass_[k] != 0) row_history_[2 * (k - fibres) + 1] = velocity_[k];
 }
 
 void ImpactSolver::drift(State& state, const Loading& loading, double time, double time_step) {

@@ -136,6 +136,7 @@ std::unique_ptr<Solver> make_impact_solver(const SolidScene& scene, const Body& 
   impact.fluid.variable_smoothing = scene.variable_smoothing;
   if (is_moving_least_squares(scene.order)) impact.fluid.gradients = scene.order;
   impact.friction = scene.friction;
+  impact.contact.friction = scene.friction > 0;
   impact.held = scene.held;
   impact.contact.normals = scene.normals;
   impact.contact.penetration_correction = scene.penetration_correction;

@@ -48,6 +48,10 @@ Pinball::Pinball(const Body& body, PinballSettings settings)
     if (carries[i] != 0 || settings_.members[body.member[i]].fluid) points_.push_back(i);
   for (std::uint32_t r = 0; r < body.rigid.size(); ++r)
     for (std::uint32_t i = body.rigid[r].first; i < body.rigid[r].last; ++i) rigid_of_[i] = r;
+  if (!settings_.friction) return;
+  turns_.assign(body.size(), kNone);
+  for (std::uint32_t i = 0, count = 0; i < body.size(); ++i)
+    if (settings_.members[body.member[i]].two_sided) turns_[i] = count++;
 }
 
 void Pinball::tear(std::span<const std::array<std::uint32_t, 2>> pieces) {
@@ -125,13 +129,28 @@ void Pinball::find_candidates(std::span<const double> x) {
   }
 }
 
-void Pinball::attach(ContactRow& row, std::uint32_t particle, double weight, double nx, double ny,
+std::array<double, 2> Pinball::arms(std::uint32_t point, const Segment& segment, double reach) const {
+  const auto half = [&](std::size_t member) {
+    return settings_.members[member].two_sided ? settings_.members[member].half_thickness : 0.0;
+  };
+  double on_point = half(body_.member[point]), on_surface = half(segment.member);
+  const double shells = on_point + on_surface, rest = reach - shells;
+  if (rigid_of_[segment.a] != kNone) return {on_point, on_surface + rest};
+  if (rigid_of_[point] != kNone) return {on_point + rest, on_surface};
+  if (!(shells > 0)) return {0, 0};
+  return {on_point * reach / shells, on_surface * reach / shells};
+}
+
+void Pinball::attach(ContactRow& row, std::uint32_t particle, double weight, double nx, double ny, double arm,
                      std::span<const double> x) const {
   const double tx = -ny, ty = nx;
   const std::uint32_t r = rigid_of_[particle];
   if (r == kNone) {
     row.add(2 * particle, weight * nx, weight * tx);
     row.add(2 * particle + 1, weight * ny, weight * ty);
+    if (!turns_.empty() && turns_[particle] != kNone)
+      row.add(static_cast<std::uint32_t>(2 * body_.size() + 3 * body_.rigid.size()) + turns_[particle], 0,
+              weight * arm);
     return;
   }
   const RigidBody& rigid = body_.rigid[r];
@@ -140,11 +159,11 @@ void Pinball::attach(ContactRow& row, std::uint32_t particle, double weight, dou
   const auto first = static_cast<std::uint32_t>(2 * body_.size() + 3 * r);
   row.add(first, weight * nx, weight * tx);
   row.add(first + 1, weight * ny, weight * ty);
-  row.add(first + 2, weight * (rx * ny - ry * nx), weight * (rx * ty - ry * tx));
+  row.add(first + 2, weight * (rx * ny - ry * nx), weight * (rx * ty - ry * tx + arm));
 }
 
 void Pinball::add_row(std::uint32_t point, const Segment& segment, double share, double nx, double ny,
-                      double gap, std::span<const double> x) {
+                      double reach, double gap, std::span<const double> x) {
   share = std::clamp(share, 0.0, 1.0);
   // At the joint of two pieces both say the same.
   for (std::size_t k = rows_.size(); k-- > 0 && rows_[k].point == point;)
@@ -158,9 +177,10 @@ void Pinball::add_row(std::uint32_t point, const Segment& segment, double share,
   row.point_member = body_.member[point];
   row.surface_member = segment.member;
   row.floor = gap > 0 ? -gap / time_step_ : -settings_.penetration_correction * gap / time_step_;
-  attach(row, point, 1, nx, ny, x);
-  if (share < 1) attach(row, segment.a, share - 1, nx, ny, x);
-  if (share > 0) attach(row, segment.b, -share, nx, ny, x);
+  const auto [on_point, on_surface] = arms(point, segment, reach);
+  attach(row, point, 1, nx, ny, -on_point, x);
+  if (share < 1) attach(row, segment.a, share - 1, nx, ny, on_surface, x);
+  if (share > 0) attach(row, segment.b, -share, nx, ny, on_surface, x);
 }
 
 // Against the pieces of one or several surfaces, each along its own normal.
@@ -189,9 +209,10 @@ void Pinball::meet(std::uint32_t point, std::size_t begin, std::size_t end, std:
       if (surface.two_sided) {
         const double side = height < 0 ? -1 : 1;
         if (side * height - offset < kNearBy * spacing_)
-          add_row(point, segment, t, side * nx, side * ny, side * height - offset, x);
+          add_row(point, segment, t, side * nx, side * ny, side * height, side * height - offset, x);
       } else if (height >= 0) {
-        if (height - offset < kNearBy * spacing_) add_row(point, segment, t, nx, ny, height - offset, x);
+        if (height - offset < kNearBy * spacing_)
+          add_row(point, segment, t, nx, ny, height, height - offset, x);
       } else if (height > -kDeepestBall * spacing_ && count < behind.size()) {
         behind[count++] = {k, height, t, nx, ny};
       }
@@ -218,7 +239,8 @@ void Pinball::meet(std::uint32_t point, std::size_t begin, std::size_t end, std:
     const double dx = px - corner[0], dy = py - corner[1], distance = std::hypot(dx, dy);
     if (!(distance > 0) || distance - offset > kNearBy * spacing_) continue;
     if (!surface.two_sided && dx * (nx + ox) + dy * (ny + oy) < 0) continue;
-    add_row(point, segment, at_start ? 0.0 : 1.0, dx / distance, dy / distance, distance - offset, x);
+    add_row(point, segment, at_start ? 0.0 : 1.0, dx / distance, dy / distance, distance, distance - offset,
+            x);
   }
   for (std::size_t e = 0; e < count; ++e) {
     const Segment& segment = segments_[candidate_[behind[e].candidate].segment];
@@ -229,7 +251,8 @@ void Pinball::meet(std::uint32_t point, std::size_t begin, std::size_t end, std:
         nearest = false;
     if (!nearest && behind[e].height < -kBehind * spacing_) continue;
     const double offset = settings_.members[segment.member].half_thickness + radius;
-    add_row(point, segment, behind[e].share, behind[e].nx, behind[e].ny, behind[e].height - offset, x);
+    add_row(point, segment, behind[e].share, behind[e].nx, behind[e].ny, behind[e].height,
+            behind[e].height - offset, x);
   }
 }
 
@@ -246,7 +269,7 @@ void Pinball::meet_balls(std::uint32_t point, std::size_t begin, std::size_t end
       const double dx = x[2 * point] - x[2 * other], dy = x[2 * point + 1] - x[2 * other + 1],
                    distance = std::hypot(dx, dy);
       if (distance > 0 && distance - sum < kNearBy * spacing_)
-        add_row(point, segment, share, dx / distance, dy / distance, distance - sum, x);
+        add_row(point, segment, share, dx / distance, dy / distance, distance, distance - sum, x);
     };
     ball(segment.a, 0);
     if (segment.after == kNone) ball(segment.b, 1);

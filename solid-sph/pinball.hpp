@@ -6,7 +6,10 @@
 // with `centre_line` always the line between the centres of two balls, which is the thesis's default and
 // rough to slide on. Fluids never meet each other here: they are neighbours. Candidates (a particle, a piece
 // of a surface) are kept in a list with a margin, so that a step tests only those; a candidate makes a row
-// when the surfaces may touch within the step.
+// when the surfaces may touch within the step. Friction acts on the faces of shells, half a thickness from
+// their particles, and so turns their fibres; what is left of the way between particle and contour, a gap,
+// turns a rigid body if there is one, else the shells: angular momentum is kept then, between solids to the
+// gap times the friction.
 #pragma once
 
 #include <array>
@@ -34,6 +37,7 @@ struct PinballSettings {
   std::vector<ContactMember> members;
   ContactNormals normals = ContactNormals::contour;
   double penetration_correction = 0;  // share of a penetration taken back in a step
+  bool friction = false;              // along faces, which turns what they belong to
 };
 
 class Pinball {
@@ -66,10 +70,14 @@ private:
   void find_candidates(std::span<const double> position);
   void meet(std::uint32_t point, std::size_t begin, std::size_t end, std::span<const double> x);
   void meet_balls(std::uint32_t point, std::size_t begin, std::size_t end, std::span<const double> x);
-  void add_row(std::uint32_t point, const Segment& segment, double share, double nx, double ny, double gap,
-               std::span<const double> x);
-  void attach(ContactRow& row, std::uint32_t particle, double weight, double nx, double ny,
+  /// `reach`: from the contour to the point; `gap`: what of it is neither shell nor ball.
+  void add_row(std::uint32_t point, const Segment& segment, double share, double nx, double ny, double reach,
+               double gap, std::span<const double> x);
+  /// Friction acts `arm` along the normal from the particle.
+  void attach(ContactRow& row, std::uint32_t particle, double weight, double nx, double ny, double arm,
               std::span<const double> x) const;
+  /// Of friction on the point and on the surface, from where each is, towards the other.
+  [[nodiscard]] std::array<double, 2> arms(std::uint32_t point, const Segment& segment, double reach) const;
 
   const Body& body_;
   PinballSettings settings_;
@@ -78,7 +86,8 @@ private:
   std::vector<std::uint8_t> torn_;       // of every segment
   std::vector<std::uint32_t> points_;    // particles that carry balls
   std::vector<std::uint32_t> rigid_of_;  // of every particle; kNone when it is free
-  std::vector<Candidate> candidate_;     // in the order of points_
+  std::vector<std::uint32_t> turns_;  // with friction: of every particle the number of its fibre; kNone: none
+  std::vector<Candidate> candidate_;  // in the order of points_
   std::vector<double> built_at_;
   std::vector<ContactRow> rows_;
   std::span<const double> rigid_;

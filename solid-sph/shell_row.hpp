@@ -89,6 +89,8 @@ public:
                                                                   std::span<const double> history) const;
   /// Of a member of the body; 0: no shell.
   [[nodiscard]] double thickness(std::size_t member) const { return sections_[member].thickness; }
+  /// Of every particle's rotation [kg m2/m].
+  [[nodiscard]] const std::vector<double>& inertia() const { return inertia_; }
   /// Half kick of the rates by the moments, and the drift of the rotations when the step begins with it.
   void turn(std::span<double> history, double dt, double decay, double gain, bool ends);
 

@@ -10,6 +10,7 @@
 #include "outline_filling.hpp"
 #include "pinball.hpp"
 #include "running_scene.hpp"
+#include "shell_row.hpp"
 
 namespace estuary::solid {
 namespace {
@@ -138,6 +139,44 @@ TEST(Pinball, RespectsTheThicknessOfAShellOnBothSides) {
     ASSERT_EQ(rows.size(), 1U);
     EXPECT_NEAR(rows[0].gap, 0.01, 1e-12);
     EXPECT_NEAR(rows[0].direction[1], y > 1 ? 1 : -1, 1e-12);
+  }
+}
+
+// The coefficient of a degree of freedom in the slip of a row.
+double slip_of(const ContactRow& row, std::size_t freedom) {
+  double sum = 0;
+  for (std::uint32_t k = 0; k < row.count; ++k)
+    if (row.freedom[k] == freedom) sum += row.tangent[k];
+  return sum;
+}
+
+TEST(Pinball, FrictionTurnsTheFibresOfAShellByHalfItsThickness) {
+  const ShellSection section{.thickness = 0.02, .density = 1000};
+  const std::vector<std::array<double, 2>> line{{0.2, 1.01}, {0.7, 1.01}};
+  // On a rigid body 0.004 below its face, each shell particle a point.
+  Body body = place_on_contours({{{0, 0}, {1, 0}, {1, 1}, {0, 1}}}, 0.1);
+  const auto first = static_cast<std::uint32_t>(body.size());
+  body.fixed.assign(first, 7);
+  body.rigid.push_back({.member = 0, .first = 0, .last = first, .mass = 1, .inertia = 1});
+  append(body, fill_row(line, false, 0.1, section));
+  const std::vector<double> rigid(6, 0.0);
+  for (const double depth : {0.0, 0.004}) {
+    std::vector<double> position = body.position;
+    for (std::size_t i = first; i < body.size(); ++i) position[2 * i + 1] -= depth;
+    Pinball on_rigid(
+        body, {.members = {{.hardness = 1}, {.half_thickness = 0.01, .two_sided = true, .radius = 0.01}},
+               .friction = true});
+    std::size_t seen = 0;
+    for (const ContactRow& row : on_rigid.find(position, rigid, 1e-3)) {
+      const std::size_t fibre = 2 * body.size() + 3 + row.point - first;
+      EXPECT_NEAR(row.direction[1], 1, 1e-12);
+      EXPECT_NEAR(slip_of(row, fibre), -0.01, 1e-15);
+      // About the rigid body's centre, here the origin: from its side friction acts at the face of the shell,
+      // too.
+      EXPECT_NEAR(slip_of(row, 2 * body.size() + 2), depth - 1, 1e-12);
+      ++seen;
+    }
+    EXPECT_EQ(seen, body.size() - first);
   }
 }
 
@@ -273,6 +312,72 @@ body = "block"
   run.run(20);
   EXPECT_NEAR(run.value("block", "velocity_x"), 1 - 0.3 * 10 * 0.1, 0.01);
   EXPECT_NEAR(run.value("block", "contact_force_y"), 20, 0.5);
+}
+
+// Bodies that rub in free flight: nothing outside turns them.
+TEST(Impact, FrictionOnShellsKeepsAngularMomentum) {
+  const std::string shell = R"(
+[[solid.body]]
+name = "upper"
+kind = "shell"
+polyline = [[-0.021, 0.0101], [0.083, 0.0121]]
+thickness = 0.01
+density = 2700
+young_modulus = 2e9
+poisson_ratio = 0.3
+velocity = ["25", "-10"]
+)",
+                    lower_shell = R"(
+[[solid.body]]
+name = "lower"
+kind = "shell"
+polyline = [[0, 0], [0.1, 0]]
+thickness = 0.01
+density = 2700
+young_modulus = 5e9
+poisson_ratio = 0.3
+)",
+                    lower_rigid = R"(
+[[solid.body]]
+name = "lower"
+kind = "rigid"
+box = { from = [0, -0.045], to = [0.1, 0.005] }
+mass = 4
+)";
+  for (const std::string& lower : {lower_shell, lower_rigid}) {
+    const auto end = [&](const std::string& friction, double& before) {
+      test::RunningScene run(R"(
+dimension = 2
+[coupling]
+mode = "transient"
+window = 1e-5
+end_time = 1
+[solid]
+spacing = 0.005
+)" + lower + shell + R"(
+[solid.contact]
+method = "pinball"
+friction = )" + friction + R"(
+[[watch]]
+name = "all"
+participant = "solid"
+)",
+                             1e-5);
+      run.run(1);
+      before = run.value("all", "angular_momentum");
+      run.run(60);
+      EXPECT_GT(run.value("all", "contact_time"), 1e-5);
+      EXPECT_NEAR(run.value("all", "momentum_x"), 25 * 2.7 * std::hypot(1.04, 0.02), 1e-9);
+      // What rubbing takes is counted, to the order of the steps.
+      const double energy = 0.5 * 2.7 * std::hypot(1.04, 0.02) * (25 * 25 + 10 * 10);
+      EXPECT_NEAR(run.value("all", "total_energy"), energy, 0.01 * energy);
+      EXPECT_GT(run.value("all", "contact_work"), 0.01 * energy);
+      return run.value("all", "angular_momentum");
+    };
+    double before = 0;
+    const double rubbing = end("0.3", before);
+    EXPECT_NEAR(rubbing, before, 1e-11);
+  }
 }
 
 // Where the column's rows of particles stand over the block's nodes must not matter to normals of the
