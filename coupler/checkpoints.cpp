@@ -23,7 +23,7 @@ namespace {
 using Json = nlohmann::ordered_json;
 using std::chrono::steady_clock;
 
-constexpr std::uint64_t layout_version = 1;
+constexpr std::uint64_t layout_version = 2;
 // Checkpoints that come by the clock cost at most this share of a run.
 constexpr double largest_share = 0.02;
 

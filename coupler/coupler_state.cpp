@@ -43,6 +43,8 @@ void write_coupler_state(const std::filesystem::path& file, const CouplerState& 
   writer.add("times", std::vector<double>{state.time, state.wall_s, state.history.earlier_duration});
   writer.add("displacement", state.history.accepted.motion.displacement);
   writer.add("velocity", state.history.accepted.motion.velocity);
+  const auto& torn = state.history.accepted.motion.torn;
+  writer.add("torn", std::vector<double>(torn.begin(), torn.end()));
   writer.add("forces", state.history.accepted.forces);
   writer.add("earlier velocity", state.history.earlier_velocity);
   writer.add("clock", state.clock);
@@ -83,6 +85,11 @@ CouplerState read_coupler_state(const std::filesystem::path& file) {
   state.history.earlier_duration = times[2];
   state.history.accepted.motion.displacement = reader.read_all("displacement");
   state.history.accepted.motion.velocity = reader.read_all("velocity");
+  for (const double facet : reader.read_all("torn")) {
+    if (!(facet >= 0 && facet < 4294967296.0))
+      throw std::runtime_error(fmt::format("{}: names a torn facet {}", file.string(), facet));
+    state.history.accepted.motion.torn.push_back(static_cast<std::uint32_t>(facet));
+  }
   state.history.accepted.forces = reader.read_all("forces");
   state.history.earlier_velocity = reader.read_all("earlier velocity");
   state.clock = reader.read_all("clock");

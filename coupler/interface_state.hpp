@@ -30,9 +30,10 @@ struct AccelerationVectors {
   std::vector<double> iterate, residual;
 };
 
-/// Replaces `x` by the next iterate, given the answer H(x). The fields are accelerated as one vector, the
-/// velocity as the displacement it makes in one window, so that both take part with the same unit and the
-/// same factor. `moves`: with the velocity; `with_forces`: with the nodal forces (parallel schemes).
+/// Replaces `x` by the next iterate, given the answer H(x); what is torn stays as it was at the window's
+/// start, so that an iteration never meets a surface that opens and closes. The fields are accelerated as one
+/// vector, the velocity as the displacement it makes in one window, so that both take part with the same unit
+/// and the same factor. `moves`: with the velocity; `with_forces`: with the nodal forces (parallel schemes).
 /// Throws std::logic_error when lengths differ.
 void accelerate(Acceleration& acceleration, InterfaceState& x, const InterfaceState& answer, double duration,
                 bool moves, bool with_forces, AccelerationVectors& vectors);

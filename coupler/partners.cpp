@@ -12,6 +12,7 @@
 #include "failure.hpp"
 #include "grain_fields.hpp"
 #include "load_transfer.hpp"
+#include "requirements.hpp"
 #include "wet_surface.hpp"
 
 namespace estuary::coupler {
@@ -61,6 +62,12 @@ void Partners::link_surface(Partner& partner, const v1::Exchange& brought) {
         "a surface of its own needs an identity of its own");
   }
   try {
+    if (surface_.tears())
+      throw RunFailure(
+          ExitStatus::wrong_scene,
+          fmt::format("the surface of participant 'solid' may tear, and '{}' brings one of its own",
+                      partner.participant->role()),
+          "only whoever meets the solid's own facets can open them");
     partner.link.emplace(brought.wet_surface(), surface_, scene_.mapping, scene_.mapped_loads);
   } catch (const std::invalid_argument& error) {
     throw RunFailure(ExitStatus::wrong_scene, fmt::format("the wet surface of '{}': {}", role, error.what()));
@@ -101,6 +108,14 @@ void Partners::start() {
   if (solid_.there()) {
     for_others = ask_start(solid_, {});
     if (agree()) take_surface(for_others);
+    for (const Partner* partner : {&fluid_, &grains_})
+      if (surface_.tears() && partner->there() && !can(partner->participant->identity(), "torn-surface"))
+        throw RunFailure(
+            ExitStatus::wrong_scene,
+            fmt::format("the surface of participant 'solid' may tear, and '{}' cannot open it: it lacks "
+                        "\"torn-surface\"",
+                        partner->participant->role()),
+            "take the solid's `rupture` out of the scene, or name a solver that can");
   }
   if (grains_.there()) {
     const v1::Exchange grains_bring = ask_start(grains_, for_others);

@@ -42,7 +42,8 @@ void require_valid(const RemoteParticipant& participant, const Position& positio
 
 WetMotion motion_of(const v1::Displacements& field) {
   return {{field.displacement().begin(), field.displacement().end()},
-          {field.velocity().begin(), field.velocity().end()}};
+          {field.velocity().begin(), field.velocity().end()},
+          {field.torn().begin(), field.torn().end()}};
 }
 
 v1::Displacements message_of(const WetMotion& motion, const v1::WetSurface& surface) {
@@ -50,6 +51,7 @@ v1::Displacements message_of(const WetMotion& motion, const v1::WetSurface& surf
   message.set_surface(surface.identity());
   message.mutable_displacement()->Assign(motion.displacement.begin(), motion.displacement.end());
   message.mutable_velocity()->Assign(motion.velocity.begin(), motion.velocity.end());
+  message.mutable_torn()->Assign(motion.torn.begin(), motion.torn.end());
   return message;
 }
 

@@ -10,8 +10,9 @@
 namespace estuary::coupler {
 
 struct WetMotion {
-  std::vector<double> displacement;  // nodes x dimension [m]
-  std::vector<double> velocity;      // nodes x dimension [m/s]
+  std::vector<double> displacement;      // nodes x dimension [m]
+  std::vector<double> velocity;          // nodes x dimension [m/s]
+  std::vector<std::uint32_t> torn = {};  // facets, by number
 };
 
 [[nodiscard]] WetMotion motion_of(const v1::Displacements& field);

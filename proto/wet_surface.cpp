@@ -91,6 +91,14 @@ void check_displacements(const v1::Displacements& field, const v1::WetSurface& s
   const std::size_t nodes = node_count(surface);
   check_values(field.displacement(), nodes, surface.dimension(), "Displacements.displacement");
   check_values(field.velocity(), nodes, surface.dimension(), "Displacements.velocity");
+  const auto facets = static_cast<std::uint32_t>(surface.connectivity_size()) / surface.dimension();
+  if (!field.torn().empty() && !surface.tears())
+    throw std::invalid_argument("Displacements.torn: names facets of a surface that does not tear");
+  for (int k = 0; k < field.torn_size(); ++k)
+    if (field.torn(k) >= facets || (k > 0 && field.torn(k) <= field.torn(k - 1)))
+      throw std::invalid_argument(fmt::format(
+          "Displacements.torn: names facet {} at place {}; the facets are 0 to {}, in ascending order",
+          field.torn(k), k, facets - 1));
 }
 
 void check_pressures(const v1::WetSurfacePressures& field, const v1::WetSurface& surface) {

@@ -80,13 +80,19 @@ SurfaceMotion DrivenSurface::window(const State& start, const v1::Displacements&
   const auto own = [&](const std::vector<double>& all) {
     return std::vector<double>(all.begin() + 2 * static_cast<std::ptrdiff_t>(first_), all.end());
   };
+  std::vector<std::array<std::uint32_t, 2>> torn;
+  for (const std::uint32_t facet : motion.torn()) {
+    const auto at = static_cast<int>(2 * facet);
+    torn.push_back({first_ + surface_.connectivity(at), first_ + surface_.connectivity(at + 1)});
+  }
   return {.first = first_,
           .start = own(start.displacement),
           .start_velocity = own(start.velocity),
           .end = {motion.displacement().begin(), motion.displacement().end()},
           .end_velocity = {motion.velocity().begin(), motion.velocity().end()},
           .time = time,
-          .duration = duration};
+          .duration = duration,
+          .torn = std::move(torn)};
 }
 
 DrivenSurface::Load DrivenSurface::load(std::span<const double> impulse, double duration,

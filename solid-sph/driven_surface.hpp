@@ -5,6 +5,7 @@
 // answer is the mean force on every node over the window: contacts are shorter than windows.
 #pragma once
 
+#include <array>
 #include <span>
 #include <vector>
 
@@ -18,6 +19,7 @@ struct SurfaceMotion {
   std::uint32_t first = 0;                                       // particle
   std::vector<double> start, start_velocity, end, end_velocity;  // displacements [m] and [m/s], 2 per node
   double time = 0, duration = 0;                                 // of the window [s]
+  std::vector<std::array<std::uint32_t, 2>> torn = {};  // pieces of it, particles in the contour's order
 
   [[nodiscard]] std::size_t nodes() const { return start.size() / 2; }
   /// Displacement of component `c` (2 per node) at a time [m]; beyond the end at the velocity it has there.

@@ -124,19 +124,20 @@ TEST(WindowClock, GoesOnFromWhereItWas) {
 
 TEST(CouplerState, FileHoldsEverything) {
   const TemporaryFolder folder;
-  const CouplerState state{.window = 7,
-                           .time = 0.7,
-                           .total_iterations = 31,
-                           .frame = 3,
-                           .care = 2,
-                           .history = {{{{0.1, -0.2}, {1e-300, 3.0}}, {5.0, 1.0 / 3.0}}, {0.25, 1e10}, 0.05},
-                           .clock = {1, 7, 1, 0},
-                           .convergence = {2.0, 3.0, 0.0, 0.0},
-                           .acceleration = {},
-                           .messages = {{"fluid", std::string("\0\xff\x01", 3)}, {"solid", ""}},
-                           .record = {{"iterations.csv", 120}, {"watch/tip.csv", 44}},
-                           .messages_record = {{"fluid", 99}},
-                           .wall_s = 12.5};
+  const CouplerState state{
+      .window = 7,
+      .time = 0.7,
+      .total_iterations = 31,
+      .frame = 3,
+      .care = 2,
+      .history = {{{{0.1, -0.2}, {1e-300, 3.0}, {0, 4294967295U}}, {5.0, 1.0 / 3.0}}, {0.25, 1e10}, 0.05},
+      .clock = {1, 7, 1, 0},
+      .convergence = {2.0, 3.0, 0.0, 0.0},
+      .acceleration = {},
+      .messages = {{"fluid", std::string("\0\xff\x01", 3)}, {"solid", ""}},
+      .record = {{"iterations.csv", 120}, {"watch/tip.csv", 44}},
+      .messages_record = {{"fluid", 99}},
+      .wall_s = 12.5};
   write_coupler_state(folder.path() / "state.h5", state);
   const CouplerState read = read_coupler_state(folder.path() / "state.h5");
   EXPECT_EQ(read.window, state.window);
@@ -145,6 +146,7 @@ TEST(CouplerState, FileHoldsEverything) {
   EXPECT_EQ(read.care, state.care);
   EXPECT_EQ(read.history.accepted.motion.displacement, state.history.accepted.motion.displacement);
   EXPECT_EQ(read.history.accepted.motion.velocity, state.history.accepted.motion.velocity);
+  EXPECT_EQ(read.history.accepted.motion.torn, state.history.accepted.motion.torn);
   EXPECT_EQ(read.history.accepted.forces, state.history.accepted.forces);
   EXPECT_EQ(read.history.earlier_velocity, state.history.earlier_velocity);
   EXPECT_EQ(read.history.earlier_duration, state.history.earlier_duration);

@@ -30,13 +30,15 @@ TEST(Predict, KeepsMotionsOfItsDegree) {
 
 TEST(Accelerate, TakesTheVelocityAsTheDisplacementOfOneWindow) {
   ConstantRelaxation half(0.5);
-  InterfaceState x{.motion = {.displacement = {1.0}, .velocity = {10.0}}, .forces = {100.0}};
-  const InterfaceState answer{.motion = {.displacement = {2.0}, .velocity = {20.0}}, .forces = {300.0}};
+  InterfaceState x{.motion = {.displacement = {1.0}, .velocity = {10.0}, .torn = {3}}, .forces = {100.0}};
+  const InterfaceState answer{.motion = {.displacement = {2.0}, .velocity = {20.0}, .torn = {3, 4}},
+                              .forces = {300.0}};
   AccelerationVectors vectors;
   accelerate(half, x, answer, 0.01, true, false, vectors);
   EXPECT_DOUBLE_EQ(x.motion.displacement[0], 1.5);
   EXPECT_DOUBLE_EQ(x.motion.velocity[0], 15.0);
   EXPECT_EQ(x.forces[0], 100.0);
+  EXPECT_EQ(x.motion.torn, std::vector<std::uint32_t>{3});  // what tears meanwhile does so in the next window
   accelerate(half, x, answer, 0.01, false, true, vectors);
   EXPECT_DOUBLE_EQ(x.motion.velocity[0], 15.0);
   EXPECT_DOUBLE_EQ(x.forces[0], 200.0);

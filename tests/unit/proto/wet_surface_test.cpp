@@ -157,6 +157,21 @@ TEST(SurfaceFields, OfAnotherLengthAreRefused) {
               HasSubstr("NodalForces.force: has 0 values"));
 }
 
+TEST(SurfaceFields, TornFacetsAreThoseOfASurfaceThatTearsInOrder) {
+  v1::WetSurface surface = polyline();
+  auto field = displacements();
+  field.add_torn(0);
+  EXPECT_THAT(refusal([&] { check_displacements(field, surface); }), HasSubstr("does not tear"));
+  surface.set_tears(true);
+  EXPECT_NO_THROW(check_displacements(field, surface));
+  field.add_torn(1);
+  EXPECT_NO_THROW(check_displacements(field, surface));
+  field.set_torn(1, 0);
+  EXPECT_THAT(refusal([&] { check_displacements(field, surface); }), HasSubstr("names facet 0 at place 1"));
+  field.set_torn(1, 2);
+  EXPECT_THAT(refusal([&] { check_displacements(field, surface); }), HasSubstr("names facet 2 at place 1"));
+}
+
 TEST(SurfaceFields, ThatAreNotFiniteAreRefusedWithTheirPlace) {
   auto field = displacements();
   field.set_velocity(3, infinity);
