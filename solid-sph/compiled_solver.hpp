@@ -86,6 +86,13 @@ public:
     return 0;
   }
   double fracture_work() const override { return rupture_ ? rupture_->energy_set_free(torn()) : 0; }
+  TornContours torn_contours() const override {
+    return rupture_ ? rupture_->torn_contours(torn()) : TornContours{};
+  }
+  std::uint64_t tears() const override { return tears_; }
+  std::vector<std::uint32_t> isolated() const override {
+    return rupture_ ? rupture_->isolated(torn()) : std::vector<std::uint32_t>{};
+  }
   double steepening() const override { return rupture_ ? rupture_->steepening() : 1; }
   std::size_t law_history() const override { return Law::history_size; }
   NamedValues totals(const State&) const override {
@@ -138,9 +145,13 @@ public:
     RigidMotion rigid(body_, loading, dt);
     std::optional<Contact> contact;
     if (!loading.contact.modulus.empty()) contact.emplace(body_, loading.contact);
+    const auto open = [&] {
+      if (contact && rupture_) contact->tear(rupture_->torn_contours(torn()).pieces);
+    };
 
     if (kHistory || rupture_) history_ = state.history;
     restore();
+    open();
     set_time_step(kNoTime);
     sweep<false>(state.displacement, state.velocity, 0);
     set_time_step(dt);
@@ -162,7 +173,9 @@ public:
       sweep<true>(state.displacement, predicted_velocity_, step);
       if (rupture_) {
         set_time_step(kNoTime);  // what flows in this step has flowed
+        const std::uint64_t before = tears_;
         tear(state.displacement, predicted_velocity_, step);
+        if (tears_ != before) open();
         set_time_step(dt);
       }
       external.set(fraction, time, state.displacement);
@@ -261,6 +274,7 @@ private:
     if (!rupture_->find_overloaded(displacement,
                                    {.stress = fields_.stress, .law = history_, .law_size = size}, own))
       return;
+    ++tears_;
     const double before = energy(displacement) + plastic_work();
     for (const std::uint32_t i :
          rupture_->break_links(displacement, fields_.deformation_gradient, kHistory, own))
@@ -293,7 +307,7 @@ private:
     on_team(n > kSerialBelow, [&] {
 #pragma omp for schedule(static) nowait
       for (std::size_t i = 0; i < n; ++i) {
-        if ((body_.fixed[i] & 3U) == 3) continue;
+        if ((body_.fixed[i] & 3U) == 3 || (!state.removed.empty() && state.removed[i] != 0)) continue;
         const double inverse_mass = 1 / body_.mass[i];
         for (std::size_t c = 0; c < 2; ++c) {
           if (kick.held[c] || body_.holds(i, c)) continue;
@@ -328,6 +342,7 @@ private:
   std::optional<VelocitySmoothing> smoothing_;
   std::optional<HourglassViscosity> hourglass_;
   std::optional<Rupture> rupture_;
+  std::uint64_t tears_ = 0;
 };
 
 template <class Law>

@@ -30,7 +30,8 @@ Contact::Contact(const Body& body, const ContactSettings& settings)
                            .before = first + (k + n - 1) % n,
                            .after = first + (k + 1) % n,
                            .member = static_cast<std::uint8_t>(body.outline_member[o]),
-                           .length = l});
+                           .length = l,
+                           .torn = false});
       place_[a] = static_cast<std::uint32_t>(particle_.size());
       particle_.push_back(a);
       length[a] += 0.5 * l;
@@ -60,6 +61,11 @@ Contact::Contact(const Body& body, const ContactSettings& settings)
     if (!(rigid.held[0] && rigid.held[1] && rigid.held[2]))
       squared_frequency_ = std::max(squared_frequency_, 2 * k * perimeter / rigid.mass);
   }
+}
+
+void Contact::tear(std::span<const std::array<std::uint32_t, 2>> pieces) {
+  for (Segment& segment : segments_)
+    segment.torn = std::find(pieces.begin(), pieces.end(), std::array{segment.a, segment.b}) != pieces.end();
 }
 
 double Contact::stiffness(std::size_t member, std::size_t other) const {
@@ -116,6 +122,7 @@ void Contact::sort_into_cells() {
   cell_of_.clear();
   const double slip = 0.5 * longest_;
   for (std::uint32_t s = 0; s < segments_.size(); ++s) {
+    if (segments_[s].torn) continue;
     const double *a = at(segments_[s].a), *b = at(segments_[s].b);
     const double x = 0.5 * (a[0] + b[0]), y = 0.5 * (a[1] + b[1]);
     if (x < region_.low[0] - slip || x > region_.high[0] + slip || y < region_.low[1] - slip ||
@@ -154,6 +161,7 @@ void Contact::consider(std::uint32_t s, double x, double y, const double* own_no
   }
   // A corner; inside of it when behind both of its segments' mean.
   const Segment& next = segments_[t < 0 ? segment.before : segment.after];
+  if (next.torn) return;
   const double *c = at(next.a), *d = at(next.b);
   const double ux = d[0] - c[0], uy = d[1] - c[1], m = std::hypot(ux, uy);
   if (!(m > 0)) return;

@@ -39,6 +39,9 @@ class Contact {
 public:
   Contact(const Body& body, const ContactSettings& settings);
 
+  /// Contours without these pieces, each given by its two particles in their order: there a body is torn, and
+  /// what comes passes through.
+  void tear(std::span<const std::array<std::uint32_t, 2>> pieces);
   /// Adds the contact forces of a state to `force` [N/m]. Throws ContactLost.
   void add_to(std::span<const double> displacement, std::vector<double>& force);
 
@@ -57,6 +60,7 @@ private:
     std::uint32_t before, after;  // segments of the same contour
     std::uint8_t member;
     double length;  // reference [m]
+    bool torn;
   };
   struct Box {
     double low[2], high[2];

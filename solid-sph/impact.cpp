@@ -220,6 +220,13 @@ double ImpactSolver::fracture_work() const {
   return (solid_ ? solid_->fracture_work() : 0) + (rows_ ? rows_->fracture_work(row_history_) : 0);
 }
 
+std::vector<std::uint32_t> ImpactSolver::isolated() const {
+  std::vector<std::uint32_t> result = rows_ ? rows_->isolated(row_history_) : std::vector<std::uint32_t>{};
+  if (solid_)
+    for (const std::uint32_t i : solid_->isolated()) result.push_back(solid_particle_[i]);
+  return result;
+}
+
 double ImpactSolver::kinetic_energy(const State& state) const {
   const double sum = Solver::kinetic_energy(state);
   return rows_ ? sum + rows_->kinetic_energy({state.history.data(), row_history_.size()}) : sum;

@@ -45,6 +45,7 @@ public:
   double fracture_work() const override;
   double kinetic_energy(const State& state) const override;
   double spin(const State& state) const override;
+  std::vector<std::uint32_t> isolated() const override;
   const ShellRow* shells() const override { return rows_ ? &*rows_ : nullptr; }
   double held_moment() const override { return rows_ ? rows_->held_moment() : 0; }
   std::array<double, 16> tangent_at(std::size_t particle) const override;
@@ -73,6 +74,10 @@ private:
   /// Forces of the state reached by a step of `time_step` (0: of the state as it is) at the velocities given.
   /// Returns whether links of shells broke.
   bool find_forces(State& state, double time_step, std::uint64_t step);
+  /// Particles that have been removed stay where they are and meet nothing.
+  void leave_out(const std::vector<std::uint8_t>& removed);
+  /// Takes what is torn by now out of the surfaces that others meet.
+  void open_torn();
   bool bend_shells(const State& state, bool commit, std::uint64_t step);
   void copy_fields();
   void kick(State& state, const Loading& loading, const ExternalForces& external, double duration,
@@ -100,9 +105,12 @@ private:
   std::vector<std::uint8_t> is_shell_;                          // likewise
   Fluid fluid_;
   Pinball pinball_;
+  std::vector<std::array<std::uint32_t, 2>> torn_surface_;  // pieces of the driven one
+  std::uint64_t tears_ = 0;                                 // of the solids, seen
   std::optional<ShellRow> rows_;
   std::vector<double> row_history_;
   std::vector<double> inverse_mass_;  // of every degree of freedom
+  std::vector<std::uint8_t> removed_;
   ImpulseSolver impulses_;
   std::array<bool, 2> held_{};
   std::unique_ptr<Body> solid_body_;

@@ -26,6 +26,29 @@ private:
 
 }  // namespace
 
+void ImpactSolver::leave_out(const std::vector<std::uint8_t>& removed) {
+  if (removed == removed_) return;
+  removed_ = removed;
+  inverse_mass_ = impulses_.inverse_mass();
+  for (std::size_t i = 0; i < removed_.size(); ++i)
+    if (removed_[i] != 0) inverse_mass_[2 * i] = inverse_mass_[2 * i + 1] = 0;
+  pinball_.leave_out(removed_);
+}
+
+void ImpactSolver::open_torn() {
+  std::vector<std::array<std::uint32_t, 2>> pieces = torn_surface_;
+  if (rows_ && rows_->breakable()) {
+    const auto broken = rows_->broken_links(row_history_);
+    pieces.insert(pieces.end(), broken.begin(), broken.end());
+  }
+  TornContours solids = solid_ ? solid_->torn_contours() : TornContours{};
+  for (const auto& [a, b] : solids.pieces) pieces.push_back({solid_particle_[a], solid_particle_[b]});
+  for (std::uint32_t& i : solids.exposed) i = solid_particle_[i];
+  if (!removed_.empty()) std::erase_if(solids.exposed, [&](std::uint32_t i) { return removed_[i] != 0; });
+  pinball_.tear(pieces, solids.exposed);
+  tears_ = solid_ ? solid_->tears() : 0;
+}
+
 // Adds the forces of shells; links that are past a limit break. Returns whether any did.
 bool ImpactSolver::bend_shells(const State& state, bool commit, std::uint64_t step) {
   if (!rows_) return false;
@@ -36,7 +59,7 @@ bool ImpactSolver::bend_shells(const State& state, bool commit, std::uint64_t st
       rows_->evaluate(displacement, row_history_, commit && rows_->remembers(), fields_, velocity);
   const bool broke = commit && rows_->breakable() && rows_->break_links(row_history_) > 0;
   if (broke) {
-    pinball_.tear(rows_->broken_links(row_history_));
+    open_torn();
     copy_fields();
     bad += rows_->evaluate(displacement, row_history_, false, fields_, velocity);
   }
@@ -75,6 +98,7 @@ bool ImpactSolver::find_forces(State& state, double time_step, std::uint64_t ste
     } catch (const Breakdown& breakdown) {
       throw Breakdown(solid_particle_[breakdown.particle], step, breakdown.j);
     }
+    if (solid_->tears() != tears_) open_torn();
     solid_seconds_ += watch.seconds();
   }
   copy_fields();
@@ -250,9 +274,11 @@ void ImpactSolver::advance(State& state, const Loading& given, double duration, 
                            double damping, const Monitor& monitor) {
   const double dt = duration / static_cast<double>(steps), start = state.time;
   spread_history(state.history);
+  leave_out(state.removed);
+  torn_surface_ = given.surface ? given.surface->torn : std::vector<std::array<std::uint32_t, 2>>{};
+  open_torn();
   Loading kept;
   if (rows_ && rows_->breakable()) {
-    pinball_.tear(rows_->broken_links(row_history_));
     kept = given;
     rows_->drop_broken(row_history_, kept);
   }

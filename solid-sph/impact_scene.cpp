@@ -3,6 +3,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <tuple>
 
 #include "body_filling.hpp"
 #include "expression.hpp"
@@ -13,21 +14,22 @@
 namespace estuary::solid {
 namespace {
 
-// Of two bodies that meet, the one that comes first here gives way: fluids, shells by their stiffness, solids
-// by theirs, rigid bodies; of equal ones the later one.
+// Of two bodies that meet, the one that comes first here gives way: fluids, then shells and solids by their
+// modulus, of equal ones the shell, then rigid bodies; of still equal ones the later one.
 std::vector<double> hardness_of(const SolidScene& scene) {
   const std::size_t n = scene.bodies.size();
-  const auto kind = [&](std::size_t k) {
+  const auto rank = [&](std::size_t k) {
     const BodyScene& body = scene.bodies[k];
-    return body.fluid ? 0 : body.shell ? 1 : body.rigid ? 3 : 2;
+    const bool elastic = !body.fluid && !body.rigid;
+    return std::tuple(body.fluid ? 0
+                      : elastic  ? 1
+                                 : 2,
+                      elastic ? body.material.young_modulus : 0.0, body.shell ? 0 : 1);
   };
   std::vector<std::size_t> order(n);
   for (std::size_t k = 0; k < n; ++k) order[k] = n - 1 - k;
-  std::stable_sort(order.begin(), order.end(), [&](std::size_t a, std::size_t b) {
-    return kind(a) != kind(b)
-               ? kind(a) < kind(b)
-               : scene.bodies[a].material.young_modulus < scene.bodies[b].material.young_modulus;
-  });
+  std::stable_sort(order.begin(), order.end(),
+                   [&](std::size_t a, std::size_t b) { return rank(a) < rank(b); });
   std::vector<double> hardness(n);
   for (std::size_t place = 0; place < n; ++place) hardness[order[place]] = static_cast<double>(place);
   return hardness;

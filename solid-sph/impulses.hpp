@@ -41,6 +41,7 @@ public:
   explicit ImpulseSolver(std::vector<double> inverse_mass)
       : inverse_mass_(std::move(inverse_mass)), spread_(inverse_mass_.size(), 0.0) {}
 
+  [[nodiscard]] const std::vector<double>& inverse_mass() const { return inverse_mass_; }
   /// Finds the impulses of all rows and adds them to `velocity`. Returns the iterations it took.
   std::size_t solve(std::vector<ContactRow>& rows, double friction, std::vector<double>& velocity);
 

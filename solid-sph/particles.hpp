@@ -99,16 +99,25 @@ struct Body {
   [[nodiscard]] bool carried(std::size_t particle) const { return (fixed[particle] & 4U) != 0; }
 };
 
+/// Particles that have been taken out of a motion, per metre of depth.
+struct Removed {
+  double count = 0, mass = 0;               // [kg/m]
+  std::array<double, 2> momentum{};         // [kg/s]
+  double angular_momentum = 0, energy = 0;  // about the origin [kg m/s], kinetic [J/m]
+};
+
 /// What a run carries from window to window.
 struct State {
-  std::vector<double> displacement;  // [m], 2 per particle
-  std::vector<double> velocity;      // [m/s]
-  double time = 0;                   // [s]
-  double external_work = 0;          // of loads, gravity and prescribed motion since the start [J/m]
-  double viscous_work = 0;           // taken by artificial viscosity and mass damping [J/m]
-  std::vector<double> history;       // of laws that have one, see Law::history
-  double contact_time = 0;           // in which bodies touched [s]
-  double contact_work = 0;           // lost in impacts and by friction [J/m]
+  std::vector<double> displacement;   // [m], 2 per particle
+  std::vector<double> velocity;       // [m/s]
+  double time = 0;                    // [s]
+  double external_work = 0;           // of loads, gravity and prescribed motion since the start [J/m]
+  double viscous_work = 0;            // taken by artificial viscosity and mass damping [J/m]
+  std::vector<double> history;        // of laws that have one, see Law::history
+  double contact_time = 0;            // in which bodies touched [s]
+  double contact_work = 0;            // lost in impacts and by friction [J/m]
+  std::vector<std::uint8_t> removed;  // of every particle, once there are any: it carried nothing any more
+  Removed lost;                       // what these had
   std::vector<double> rigid;  // x, y, rotation and their rates of each rigid body [m], [rad], [m/s], [rad/s]
 };
 

@@ -13,6 +13,8 @@ constexpr double kAhead = 1.0;
 constexpr double kDeepestBall = 0.9;
 // Of several faces a particle is behind, those deeper than this count only when they are the nearest.
 constexpr double kBehind = 0.15;
+// Faces with a cosine below this between their normals are the two sides of something.
+constexpr double kBack = -0.5;
 // A point on the end of a face belongs to it, and to the next one as well.
 constexpr double kHair = 1e-6;
 constexpr double kSame = 1 - 1e-6;
@@ -44,8 +46,11 @@ Pinball::Pinball(const Body& body, PinballSettings settings)
     for (const std::uint32_t i : outline.particle) carries[i] = 1;
   }
   torn_.assign(segments_.size(), 0);
+  exposed_.assign(body.size(), 0);
+  whole_ = segments_.size();
   for (std::uint32_t i = 0; i < body.size(); ++i)
     if (carries[i] != 0 || settings_.members[body.member[i]].fluid) points_.push_back(i);
+  whole_points_ = points_.size();
   for (std::uint32_t r = 0; r < body.rigid.size(); ++r)
     for (std::uint32_t i = body.rigid[r].first; i < body.rigid[r].last; ++i) rigid_of_[i] = r;
   if (!settings_.friction) return;
@@ -54,7 +59,20 @@ Pinball::Pinball(const Body& body, PinballSettings settings)
     if (settings_.members[body.member[i]].two_sided) turns_[i] = count++;
 }
 
-void Pinball::tear(std::span<const std::array<std::uint32_t, 2>> pieces) {
+void Pinball::tear(std::span<const std::array<std::uint32_t, 2>> pieces,
+                   std::span<const std::uint32_t> exposed) {
+  if (!std::equal(exposed.begin(), exposed.end(),
+                  points_.begin() + static_cast<std::ptrdiff_t>(whole_points_), points_.end())) {
+    segments_.resize(whole_);
+    points_.resize(whole_points_);
+    std::fill(exposed_.begin(), exposed_.end(), 0);
+    for (const std::uint32_t i : exposed) {
+      segments_.push_back({.a = i, .b = i, .before = kNone, .after = kNone, .member = body_.member[i]});
+      points_.push_back(i);
+      exposed_[i] = 1;
+    }
+    built_at_.clear();
+  }
   torn_.assign(segments_.size(), 0);
   for (std::size_t s = 0; s < segments_.size() && !pieces.empty(); ++s)
     torn_[s] = std::any_of(pieces.begin(), pieces.end(), [&](const std::array<std::uint32_t, 2>& piece) {
@@ -90,7 +108,8 @@ void Pinball::find_candidates(std::span<const double> x) {
       high[c] = std::max(high[c], middle[s][c]);
     }
   }
-  const double balls = settings_.normals == ContactNormals::centre_line ? spacing_ : 0;
+  const bool meets_balls = settings_.normals == ContactNormals::centre_line || points_.size() > whole_points_;
+  const double balls = meets_balls ? spacing_ : 0;
   const double reach = (kNearBy + kAhead) * spacing_ + thickest + balls + 0.5 * longest;
   double cell = reach;
   while (((high[0] - low[0]) / cell + 1) * ((high[1] - low[1]) / cell + 1) > 1e6) cell *= 1.5;
@@ -186,7 +205,7 @@ void Pinball::add_row(std::uint32_t point, const Segment& segment, double share,
 // Against the pieces of one or several surfaces, each along its own normal.
 void Pinball::meet(std::uint32_t point, std::size_t begin, std::size_t end, std::span<const double> x) {
   const double px = x[2 * point], py = x[2 * point + 1];
-  const double radius = settings_.members[body_.member[point]].radius;
+  const double radius = radius_of(point);
   // Rows behind a face, and the least deep of each body.
   struct Behind {
     std::size_t candidate;
@@ -194,9 +213,27 @@ void Pinball::meet(std::uint32_t point, std::size_t begin, std::size_t end, std:
   };
   std::array<Behind, 16> behind;
   std::size_t count = 0;
+  // Faces the point is in front of: behind another one of the same body that looks the other way and is
+  // farther off it is not inside, but on the far side of something thin.
+  struct Front {
+    std::uint8_t member;
+    double height, nx, ny;
+  };
+  std::array<Front, 16> front;
+  std::size_t fronts = 0;
+  const auto ball = [&](const Segment& segment) {
+    const double dx = px - x[2 * segment.a], dy = py - x[2 * segment.a + 1], distance = std::hypot(dx, dy),
+                 gap = distance - 0.5 * spacing_ - radius;
+    if (distance > 0 && gap < kNearBy * spacing_)
+      add_row(point, segment, 0, dx / distance, dy / distance, distance, gap, x);
+  };
   for (std::size_t k = begin; k < end; ++k) {
     if (torn_[candidate_[k].segment] != 0) continue;
     const Segment& segment = segments_[candidate_[k].segment];
+    if (segment.a == segment.b) {
+      ball(segment);
+      continue;
+    }
     const ContactMember& surface = settings_.members[segment.member];
     const double offset = surface.half_thickness + radius;
     const double *a = &x[2 * segment.a], *b = &x[2 * segment.b];
@@ -211,6 +248,7 @@ void Pinball::meet(std::uint32_t point, std::size_t begin, std::size_t end, std:
         if (side * height - offset < kNearBy * spacing_)
           add_row(point, segment, t, side * nx, side * ny, side * height, side * height - offset, x);
       } else if (height >= 0) {
+        if (fronts < front.size()) front[fronts++] = {segment.member, height, nx, ny};
         if (height - offset < kNearBy * spacing_)
           add_row(point, segment, t, nx, ny, height, height - offset, x);
       } else if (height > -kDeepestBall * spacing_ && count < behind.size()) {
@@ -244,6 +282,12 @@ void Pinball::meet(std::uint32_t point, std::size_t begin, std::size_t end, std:
   }
   for (std::size_t e = 0; e < count; ++e) {
     const Segment& segment = segments_[candidate_[behind[e].candidate].segment];
+    if (std::any_of(front.begin(), front.begin() + static_cast<std::ptrdiff_t>(fronts),
+                    [&](const Front& face) {
+                      return face.member == segment.member && face.height < -behind[e].height &&
+                             face.nx * behind[e].nx + face.ny * behind[e].ny < kBack;
+                    }))
+      continue;
     bool nearest = true;
     for (std::size_t o = 0; o < count; ++o)
       if (segments_[candidate_[behind[o].candidate].segment].member == segment.member &&
@@ -285,6 +329,10 @@ const std::vector<ContactRow>& Pinball::find(std::span<const double> position, s
   for (std::size_t k = 0; k < candidate_.size();) {
     std::size_t end = k + 1;
     while (end < candidate_.size() && candidate_[end].point == candidate_[k].point) ++end;
+    if (!left_out_.empty() && left_out_[candidate_[k].point] != 0) {
+      k = end;
+      continue;
+    }
     if (settings_.normals == ContactNormals::centre_line)
       meet_balls(candidate_[k].point, k, end, position);
     else

@@ -50,15 +50,19 @@ public:
                                       double time_step);
   [[nodiscard]] std::vector<ContactRow>& rows() { return rows_; }
   /// Surfaces without these pieces, each given by its two particles in the order of its contour: there a body
-  /// is torn, and what comes passes through.
-  void tear(std::span<const std::array<std::uint32_t, 2>> pieces);
+  /// is torn, and what comes passes through. Particles that a tear has exposed, inside contours until then,
+  /// meet others as balls of half a spacing, which reaches to the middle of a crack.
+  void tear(std::span<const std::array<std::uint32_t, 2>> pieces,
+            std::span<const std::uint32_t> exposed = {});
+  /// Particles that meet nothing any more (1 for each of the body; empty: none).
+  void leave_out(std::vector<std::uint8_t> particles) { left_out_ = std::move(particles); }
   /// Pairs now in the list of candidates.
   [[nodiscard]] std::size_t candidates() const { return candidate_.size(); }
 
 private:
   static constexpr std::uint32_t kNone = 0xffffffffU;
   struct Segment {
-    std::uint32_t a, b;           // particles; the outside is on the left
+    std::uint32_t a, b;           // particles; the outside is on the left. One alone: a ball
     std::uint32_t before, after;  // of the same contour; kNone at an end
     std::uint8_t member;
   };
@@ -66,6 +70,9 @@ private:
     std::uint32_t point, segment;
   };
 
+  [[nodiscard]] double radius_of(std::uint32_t point) const {
+    return exposed_[point] != 0 ? 0.5 * spacing_ : settings_.members[body_.member[point]].radius;
+  }
   [[nodiscard]] bool stale(std::span<const double> position) const;
   void find_candidates(std::span<const double> position);
   void meet(std::uint32_t point, std::size_t begin, std::size_t end, std::span<const double> x);
@@ -83,8 +90,12 @@ private:
   PinballSettings settings_;
   double spacing_;
   std::vector<Segment> segments_;
-  std::vector<std::uint8_t> torn_;       // of every segment
-  std::vector<std::uint32_t> points_;    // particles that carry balls
+  std::vector<std::uint8_t> torn_;     // of every segment
+  std::size_t whole_ = 0;              // segments of contours; balls follow
+  std::vector<std::uint32_t> points_;  // particles that carry balls
+  std::size_t whole_points_ = 0;       // of them, from the start
+  std::vector<std::uint8_t> exposed_;  // of every particle
+  std::vector<std::uint8_t> left_out_;
   std::vector<std::uint32_t> rigid_of_;  // of every particle; kNone when it is free
   std::vector<std::uint32_t> turns_;  // with friction: of every particle the number of its fibre; kNone: none
   std::vector<Candidate> candidate_;  // in the order of points_

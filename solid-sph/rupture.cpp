@@ -369,6 +369,39 @@ std::span<const std::uint32_t> Rupture::break_links(std::span<const double> u,
   return unloaded_;
 }
 
+std::vector<std::uint32_t> Rupture::isolated(std::span<const double> history) const {
+  std::vector<std::uint32_t> result;
+  for (std::uint32_t i = 0; i < body_.size(); ++i) {
+    bool alone = isolated_[i] != 0;
+    for (std::uint32_t k = whole_.first[i]; k < whole_.first[i + 1] && alone; ++k)
+      alone = !intact(history, k);
+    if (alone) result.push_back(i);
+  }
+  return result;
+}
+
+TornContours Rupture::torn_contours(std::span<const double> history) const {
+  TornContours torn;
+  std::vector<std::uint8_t> inside(body_.size(), 1);
+  for (const Outline& outline : whole_body_.outlines) {
+    const std::size_t n = outline.particle.size();
+    for (std::size_t k = 0; k < n; ++k) {
+      const std::uint32_t a = outline.particle[k], b = outline.particle[(k + 1) % n];
+      inside[a] = 0;
+      if (k + 1 == n && !outline.closed) continue;
+      for (std::uint32_t m = whole_.first[a]; m < whole_.first[a + 1]; ++m)
+        if (whole_.neighbour[m] == b && !intact(history, m)) torn.pieces.push_back({a, b});
+    }
+  }
+  for (std::uint32_t i = 0; i < body_.size(); ++i) {
+    if (inside[i] == 0) continue;
+    bool lost = false;
+    for (std::uint32_t m = whole_.first[i]; m < whole_.first[i + 1] && !lost; ++m) lost = !intact(history, m);
+    if (lost) torn.exposed.push_back(i);
+  }
+  return torn;
+}
+
 std::array<double, 3> Rupture::losses(std::span<const double> history) const {
   std::array<double, 3> result{};
   for (std::size_t k = 0; k < whole_.pairs(); ++k)

@@ -70,6 +70,9 @@ public:
   /// the largest of V_i (sum_j |g_ij|^2 / m_j + |sum_j g_ij|^2 / m_i) over that at rest of the same member.
   /// Half a straight crack's volume makes up for its gradients; ragged ones may be steeper.
   [[nodiscard]] double steepening() const { return steepening_; }
+  /// Particles without any link, of the history last applied. Who hangs on one still feels it.
+  [[nodiscard]] std::vector<std::uint32_t> isolated(std::span<const double> history) const;
+  [[nodiscard]] TornContours torn_contours(std::span<const double> history) const;
   /// Broken links, isolated particles, their mass [kg/m].
   [[nodiscard]] std::array<double, 3> losses(std::span<const double> history) const;
 

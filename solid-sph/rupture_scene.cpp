@@ -24,7 +24,11 @@ void read_rupture(SceneTable& table, BodyScene& body) {
     rupture->problem("shear", "is of shells, whose links have a transverse shear strain");
 }
 
-void check_rupture(SceneTable& solid, const SolidScene& scene) {
+void check_rupture(SceneTable& solid, SolidScene& scene) {
+  if (solid.has("isolated_particles") && !scene.breaks())
+    solid.problem("isolated_particles", "is of bodies with `rupture`");
+  constexpr std::array<std::string_view, 2> fates{"fly_on", "remove"};
+  scene.remove_isolated = solid.choice("isolated_particles", fates) == "remove";
   if (!scene.breaks()) return;
   if (scene.mode == Mode::steady) solid.problem("rupture", "is of transient runs");
   if (scene.updated_lagrangian || scene.stress_points > 0 || scene.periodic ||
@@ -34,7 +38,8 @@ void check_rupture(SceneTable& solid, const SolidScene& scene) {
         "does not go with updated_lagrangian, stress points, a periodic body, conservative smoothing "
         "or hourglass viscosity");
   if (!scene.shells() && (scene.wet_contour || !scene.wet.empty()))
-    solid.problem("wet", "does not go with `rupture`: the surface would have to open");
+    solid.problem("wet",
+                  "does not go with `rupture`, but of shells: the contour of a solid would have to open");
 }
 
 }  // namespace estuary::solid

@@ -119,6 +119,7 @@ void ShellSolver::advance(State& state, const Loading& given, double duration, s
         for (std::size_t i = 0; i < n; ++i)
           for (std::size_t c = 0; c < 2; ++c) {
             if (body_.holds(i, c) || loading.held[c]) continue;
+            if (!state.removed.empty() && state.removed[i] != 0) continue;
             double& v = state.velocity[2 * i + c];
             const double a = 0.5 * dt * fields_.force[2 * i + c] / body_.mass[i];
             v = ends ? gain * (v + a) : decay * v + a;

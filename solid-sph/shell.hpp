@@ -55,6 +55,7 @@ public:
   double kinetic_energy(const State& state) const override;
   double spin(const State& state) const override { return row_.spin(state.history); }
   const ShellRow* shells() const override { return &row_; }
+  std::vector<std::uint32_t> isolated() const override { return row_.isolated(history_); }
   double held_moment() const override { return row_.held_moment(); }
   NamedValues totals(const State& state) const override;
   NamedValues quantities_of(std::size_t particle, const State& state) const override;

@@ -110,6 +110,8 @@ public:
   [[nodiscard]] Tensor<double> first_piola_kirchhoff_at(std::size_t local) const;
   /// Mean of the links at a particle: normal, transverse shear force and moment, and plastic strain.
   [[nodiscard]] std::array<double, 4> section_at(std::size_t local, std::span<const double> history) const;
+  /// Particles of the body that no link holds any more.
+  [[nodiscard]] std::vector<std::uint32_t> isolated(std::span<const double> history) const;
   /// Broken links; particles that no link holds any more, and their mass [kg/m]; what the broken links have
   /// taken up, elastic and plastic [J/m].
   [[nodiscard]] std::array<double, 4> losses(std::span<const double> history) const;

@@ -89,11 +89,19 @@ std::array<double, 4> ShellRow::losses(std::span<const double> history) const {
     result[0] += 1;
     result[3] += links_[l].length * own[5] + own[kSectionHistory + 1];
   }
-  for (std::size_t i = 0; result[0] > 0 && i < size(); ++i) {
-    const auto holds = [&](std::uint32_t l) { return l != kNone && !broken(history, l); };
-    if (holds(before_[i]) || holds(after_[i])) continue;
+  for (const std::uint32_t i : isolated(history)) {
     result[1] += 1;
-    result[2] += body_.mass[particle_[i]];
+    result[2] += body_.mass[i];
+  }
+  return result;
+}
+
+std::vector<std::uint32_t> ShellRow::isolated(std::span<const double> history) const {
+  std::vector<std::uint32_t> result;
+  if (!breakable_) return result;
+  for (std::size_t i = 0; i < size(); ++i) {
+    const auto holds = [&](std::uint32_t l) { return l != kNone && !broken(history, l); };
+    if (!holds(before_[i]) && !holds(after_[i])) result.push_back(particle_[i]);
   }
   return result;
 }

@@ -47,12 +47,9 @@ void check_shells(SceneTable& solid, const SolidScene& scene) {
       }))
     solid.problem("viscosity", "is of transient runs");
   if (!scene.shells()) return;
-  if (scene.wet_contour) {
-    if (std::any_of(scene.bodies.begin(), scene.bodies.end(),
-                    [](const BodyScene& body) { return !body.shell; }))
-      solid.problem("wet", "is of shells alone or of no shell: leave the other bodies to another process");
-    if (scene.breaks()) solid.problem("wet", "does not go with `rupture`: the surface would have to open");
-  }
+  if (scene.wet_contour && std::any_of(scene.bodies.begin(), scene.bodies.end(),
+                                       [](const BodyScene& body) { return !body.shell; }))
+    solid.problem("wet", "is of shells alone or of no shell: leave the other bodies to another process");
   if (scene.impact()) {  // other bodies are there, and their keys
     if (solid.has("particles_across"))
       solid.problem("particles_across", "a shell is one row of particles; give `spacing`");

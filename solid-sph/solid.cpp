@@ -24,7 +24,7 @@ Identity Solid::identity() const {
   return {.name = "solid-sph",
           .version = ESTUARY_VERSION,
           .roles = {"solid", "fluid"},
-          .capabilities = {"steady", "transient", "wet-surface", "rewind", "checkpoint"},
+          .capabilities = {"steady", "transient", "wet-surface", "rewind", "checkpoint", "torn-surface"},
           .dimensions = {2}};
 }
 

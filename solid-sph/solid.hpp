@@ -45,6 +45,8 @@ private:
   void build_surface();
   void take_forces(const Window& window, const v1::Exchange& inputs);
   void integrate(const Window& window, const Monitor& monitor);
+  /// Takes particles without a link out of the motion, and notes what they had.
+  void remove_isolated();
   double find_equilibrium(const Window& window, const Monitor& monitor);
   [[nodiscard]] std::vector<std::pair<std::string, double>> body_quantities(std::size_t member) const;
   double settle_rigid_bodies(double time);
@@ -84,7 +86,8 @@ private:
   Transfer transfer_;
   std::optional<Transfer> arms_;  // of shells: distances of the nodes along the fibres
   v1::WetSurface surface_;
-  std::optional<DrivenSurface> driven_;  // of the scene's solid, in the part of a fluid
+  std::vector<std::array<std::uint32_t, 2>> facets_;  // particles of each, of a surface that tears
+  std::optional<DrivenSurface> driven_;               // of the scene's solid, in the part of a fluid
   std::vector<PointWatch> watches_;
   State state_, accepted_;
   std::vector<double> forces_, accepted_forces_;  // on the wet nodes

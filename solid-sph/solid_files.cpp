@@ -88,6 +88,14 @@ void Solid::save(const std::filesystem::path& file) {
                                       work_.updates,  accepted_.contact_time,  accepted_.contact_work};
   writer.add("numbers", numbers);
   if (!accepted_.rigid.empty()) writer.add("rigid", accepted_.rigid);
+  if (scene_.remove_isolated) {
+    std::vector<double> removed(accepted_.removed.begin(), accepted_.removed.end());
+    removed.resize(body_.size(), 0.0);
+    const Removed& lost = accepted_.lost;
+    removed.insert(removed.end(), {lost.count, lost.mass, lost.momentum[0], lost.momentum[1],
+                                   lost.angular_momentum, lost.energy});
+    writer.add("removed", removed);
+  }
   if (!wet_nodes_.empty()) writer.add("forces", accepted_forces_);
   if (!wet_nodes_.empty() && scene_.window_load == WindowLoad::quadratic) {
     // No duration: there is no window before.
@@ -109,6 +117,13 @@ void Solid::load(const std::filesystem::path& file) {
   loaded.history = accepted_.history;
   if (!loaded.history.empty()) reader.read("history", loaded.history);
   if (!loaded.rigid.empty()) reader.read("rigid", loaded.rigid);
+  std::vector<double> removed(scene_.remove_isolated ? body_.size() + 6 : 0);
+  if (!removed.empty()) {
+    reader.read("removed", removed);
+    const double* lost = &removed[body_.size()];
+    if (lost[0] > 0) loaded.removed.assign(removed.begin(), removed.end() - 6);
+    loaded.lost = {lost[0], lost[1], {lost[2], lost[3]}, lost[4], lost[5]};
+  }
   std::array<double, 6> numbers{};
   reader.read("numbers", numbers);
   loaded.time = numbers[0];
@@ -124,8 +139,8 @@ void Solid::load(const std::filesystem::path& file) {
     reader.read("earlier_duration", earlier_duration);
     if (!(earlier_duration[0] > 0)) earlier_forces.clear();
   }
-  for (const std::vector<double>* values :
-       {&loaded.displacement, &loaded.velocity, &loaded.history, &loaded.rigid, &forces, &earlier_forces})
+  for (const std::vector<double>* values : {&loaded.displacement, &loaded.velocity, &loaded.history,
+                                            &loaded.rigid, &removed, &forces, &earlier_forces})
     for (const double value : *values)
       if (!std::isfinite(value))
         throw std::runtime_error(file.string() + " holds a value that is not finite");

@@ -5,6 +5,7 @@
 #include <cmath>
 
 #include "rigid_motion.hpp"
+#include "shell_row.hpp"
 #include "solid.hpp"
 
 namespace estuary::solid {
@@ -77,6 +78,7 @@ void Solid::integrate(const Window& window, const Monitor& monitor) {
                      [&](double fraction, const std::string& note) {
                        monitor((done + fraction * duration) / window.duration, note);
                      });
+    if (scene_.remove_isolated) remove_isolated();
     done = stretches > 1 ? done + duration : window.duration;
     state_.time = window.time + done;
   }
@@ -86,6 +88,33 @@ void Solid::integrate(const Window& window, const Monitor& monitor) {
     loading_.loads[l].bend = whole.loads[l].bend;
   }
   loading_.couples = whole.couples;
+}
+
+void Solid::remove_isolated() {
+  const ShellRow* rows = solver_->shells();
+  for (const std::uint32_t i : solver_->isolated()) {
+    if (!state_.removed.empty() && state_.removed[i] != 0) continue;
+    state_.removed.resize(body_.size(), 0);
+    state_.removed[i] = 1;
+    double* v = &state_.velocity[2 * i];
+    const double m = body_.mass[i], x = body_.position[2 * i] + state_.displacement[2 * i],
+                 y = body_.position[2 * i + 1] + state_.displacement[2 * i + 1];
+    Removed& lost = state_.lost;
+    lost.count += 1;
+    lost.mass += m;
+    for (std::size_t c = 0; c < 2; ++c) lost.momentum[c] += m * v[c];
+    lost.angular_momentum += m * (x * v[1] - y * v[0]);
+    lost.energy += 0.5 * m * (v[0] * v[0] + v[1] * v[1]);
+    v[0] = v[1] = 0;
+    if (rows == nullptr) continue;
+    const auto at = std::lower_bound(rows->particles().begin(), rows->particles().end(), i);
+    if (at == rows->particles().end() || *at != i) continue;
+    const auto k = static_cast<std::size_t>(at - rows->particles().begin());
+    double& rate = state_.history[2 * k + 1];
+    lost.angular_momentum += rows->inertia()[k] * rate;
+    lost.energy += 0.5 * rows->inertia()[k] * rate * rate;
+    rate = 0;
+  }
 }
 
 double Solid::find_equilibrium(const Window& window, const Monitor& monitor) {

@@ -167,8 +167,9 @@ struct SolidScene {
   bool coupled = false;  // another participant acts on the wet surface
   // In the part of a fluid: the bodies meet the wet surface of the scene's solid.
   bool meets_surface = false;
-  double window = 0;    // [s]
-  double end_time = 0;  // [s]
+  double window = 0;             // [s]
+  double end_time = 0;           // [s]
+  bool remove_isolated = false;  // particles without a link; else they fly on
 
   [[nodiscard]] bool plastic() const { return law == LawName::j2_plasticity; }
   /// Whether the volume of a body hardly gives way where its shape does; see Box::even.
@@ -212,9 +213,10 @@ void add_bodies(SceneTable& table, SolidScene& scene, const BodyScene& body);
 enum class Kind { deformable, rigid, shell, fluid };
 Kind read_kind(SceneTable& table);
 void read_shell(SceneTable& table, BodyScene& body);
-/// `rupture` of a solid or a shell; `check_rupture` notes what does not go with it.
+/// `rupture` of a solid or a shell; `check_rupture` reads what becomes of isolated particles and notes what
+/// does not go with it.
 void read_rupture(SceneTable& table, BodyScene& body);
-void check_rupture(SceneTable& solid, const SolidScene& scene);
+void check_rupture(SceneTable& solid, SolidScene& scene);
 /// Notes what a scene with shells asks for that they do not have.
 void check_shells(SceneTable& solid, const SolidScene& scene);
 void read_fluid(SceneTable& table, double shared_density, BodyScene& body);

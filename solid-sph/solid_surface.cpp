@@ -46,6 +46,7 @@ void Solid::build_surface() {
     lines = free_contours(body_);
   else if (!scene_.wet.empty())
     lines.push_back(contour_line(body_, scene_.wet));
+  facets_.clear();
   if (lines.empty()) return;
   if (!arms_) transfer_ = contour_transfer(body_, lines);
   ParticleLoad wet;
@@ -65,6 +66,14 @@ void Solid::build_surface() {
     }
     surface_.set_closed(surface_.closed() && line.closed);
   }
+  surface_.set_tears(arms_ && scene_.breaks());
+  if (surface_.tears())
+    for (int f = 0; f < surface_.connectivity_size(); f += 2) {
+      const auto particle = [&](int end) {
+        return arms_->touched[arms_->position[surface_.connectivity(f + end)]];
+      };
+      facets_.push_back({particle(0), particle(1)});
+    }
   surface_.mutable_reference_positions()->Add(wet_nodes_.begin(), wet_nodes_.end());
   surface_.set_identity(identity_of(surface_));
   forces_.assign(wet_nodes_.size(), 0.0);
@@ -80,7 +89,17 @@ void Solid::fill_displacements(v1::Displacements& field) const {
   const auto n = static_cast<std::size_t>(count);
   interpolate(transfer_, state_.displacement, {field.mutable_displacement()->mutable_data(), n});
   interpolate(transfer_, state_.velocity, {field.mutable_velocity()->mutable_data(), n});
+  field.clear_torn();
   if (!arms_) return;
+  if (!facets_.empty()) {
+    // Both faces of a broken link; its particles may come in either order, those of an end are one.
+    const auto broken = solver_->shells()->broken_links(state_.history);
+    for (std::size_t f = 0; f < facets_.size() && !broken.empty(); ++f)
+      if (std::any_of(broken.begin(), broken.end(), [&](const std::array<std::uint32_t, 2>& link) {
+            return link == facets_[f] || (link[0] == facets_[f][1] && link[1] == facets_[f][0]);
+          }))
+        field.add_torn(static_cast<std::uint32_t>(f));
+  }
   for (std::size_t k = 0; k < arms_->points(); ++k) {
     const auto [change, rate] =
         solver_->shells()->fibre_motion(arms_->touched[arms_->position[k]], state_.history);

@@ -234,7 +234,8 @@ std::vector<WatchValues> Solid::watch_values(double time) {
       const double kinetic = solver_->kinetic_energy(state_),
                    internal =
                        solver_->energy(state_.displacement) + springs + (contact_ ? contact_->energy() : 0.0),
-                   plastic = solver_->plastic_work(), fracture = solver_->fracture_work();
+                   plastic = solver_->plastic_work(), fracture = solver_->fracture_work(),
+                   removed = state_.lost.energy;
       entry.quantities = {{"kinetic_energy", kinetic},   {"internal_energy", internal},
                           {"plastic_work", plastic},     {"maximum_displacement", largest},
                           {"reaction_x", force[0]},      {"reaction_y", force[1]},
@@ -245,11 +246,19 @@ std::vector<WatchValues> Solid::watch_values(double time) {
         if (contact_) entry.quantities.emplace_back("contact_time", state_.contact_time);
         entry.quantities.emplace_back("external_work", state_.external_work);
         entry.quantities.emplace_back("viscous_work", state_.viscous_work);
-        entry.quantities.emplace_back("total_energy", kinetic + internal + plastic + fracture +
+        entry.quantities.emplace_back("total_energy", kinetic + internal + plastic + fracture + removed +
                                                           state_.viscous_work + state_.contact_work -
                                                           state_.external_work);
       }
       if (scene_.breaks()) entry.quantities.emplace_back("fracture_work", fracture);
+      if (scene_.remove_isolated)
+        entry.quantities.insert(entry.quantities.end(),
+                                {{"removed_particles", state_.lost.count},
+                                 {"removed_mass", state_.lost.mass},
+                                 {"removed_momentum_x", state_.lost.momentum[0]},
+                                 {"removed_momentum_y", state_.lost.momentum[1]},
+                                 {"removed_angular_momentum", state_.lost.angular_momentum},
+                                 {"removed_energy", removed}});
       const NamedValues more = solver_->totals(state_);
       entry.quantities.insert(entry.quantities.end(), more.begin(), more.end());
     }

@@ -112,6 +112,12 @@ public:
   /// Elastic energy that rupture has set free up to the last commit [J/m].
   [[nodiscard]] virtual double fracture_work() const { return 0; }
   [[nodiscard]] virtual bool symmetric_tangent() const = 0;
+  /// What rupture has made of the bodies' contours, and how often it has made something of them.
+  [[nodiscard]] virtual TornContours torn_contours() const { return {}; }
+  [[nodiscard]] virtual std::uint64_t tears() const { return 0; }
+  /// Particles without a link, in the state last reached. `advance` leaves those alone that State::removed
+  /// names.
+  [[nodiscard]] virtual std::vector<std::uint32_t> isolated() const { return {}; }
 
   /// Before the first `advance` of a window.
   virtual void begin_window() {}

@@ -34,6 +34,28 @@ std::vector<double> forces_of(Contact& contact, const Body& body, const std::vec
   return force;
 }
 
+TEST(Contact, TornPiecesAreNoWall) {
+  const SquareAndDisc bodies(0.017, 0);
+  const Body& body = bodies.body;
+  Contact contact(body, {.modulus = {1e6, 2e6}});
+  const std::vector<double> rest(2 * body.size(), 0.0);
+  forces_of(contact, body, rest);
+  ASSERT_TRUE(contact.touching());
+  std::vector<std::array<std::uint32_t, 2>> right;
+  const auto& outline = body.outlines[0].particle;
+  for (std::size_t k = 0; k < outline.size(); ++k) {
+    const std::uint32_t a = outline[k], b = outline[(k + 1) % outline.size()];
+    if (body.position[2 * a] > 0.99 && body.position[2 * b] > 0.99) right.push_back({a, b});
+  }
+  ASSERT_GT(right.size(), 5U);
+  contact.tear(right);
+  for (const double f : forces_of(contact, body, rest)) EXPECT_EQ(f, 0);
+  EXPECT_FALSE(contact.touching());
+  contact.tear({});
+  forces_of(contact, body, rest);
+  EXPECT_TRUE(contact.touching());
+}
+
 TEST(Contact, ForceIsMinusTheEnergysDerivativeAndBalances) {
   const SquareAndDisc bodies(0.017, 0.3);
   const Body& body = bodies.body;

@@ -56,11 +56,28 @@ TEST(DrivenSurface, BecomesLinesThatMoveOnTheCubicOfBothEnds) {
   EXPECT_THROW(DrivenSurface(fork, body), std::invalid_argument);
 }
 
+TEST(DrivenSurface, NamesThePiecesThatAreTornAndRefusesWhatCannotBe) {
+  v1::WetSurface tears = floor_and_square();
+  tears.set_tears(true);
+  Body body;
+  const DrivenSurface driven(tears, body);
+  const State state = at_rest(body);
+  v1::Displacements field = motion(0, 0);
+  EXPECT_TRUE(driven.window(state, field, 0, 1).torn.empty());
+  field.add_torn(1);
+  field.add_torn(6);
+  const std::vector<std::array<std::uint32_t, 2>> expected{{1, 2}, {7, 4}};
+  EXPECT_EQ(driven.window(state, field, 0, 1).torn, expected);
+  field.add_torn(7);
+  EXPECT_THROW(static_cast<void>(driven.window(state, field, 0, 1)), std::invalid_argument);
+}
+
 constexpr double kWindow = 1e-5;
 
 // A column, 5 cm wide, on its way down at 100 m/s to the floor, which comes up at 50 m/s.
 struct DrivenColumn : test::RunningScene {
-  explicit DrivenColumn(const std::string& spacing)
+  explicit DrivenColumn(const std::string& spacing, const std::string& from = "0",
+                        const std::string& to = "0.05")
       : RunningScene(R"(
 dimension = 2
 [coupling]
@@ -74,7 +91,8 @@ spacing = )" + spacing + R"(
 [[fluid.body]]
 name = "column"
 kind = "fluid"
-box = { from = [0, 0], to = [0.05, 0.25] }
+box = { from = [)" + from +
+                         ", 0], to = [" + to + R"(, 0.25] }
 density = 1000
 sound_speed = 1450
 velocity = ["0", "-100"]
@@ -92,6 +110,7 @@ participant = "fluid"
   static v1::Exchange initial() {
     v1::Exchange sent;
     *sent.mutable_wet_surface() = floor_and_square();
+    sent.mutable_wet_surface()->set_tears(true);
     *sent.mutable_displacements() = motion(0, 50);
     return sent;
   }
@@ -116,6 +135,20 @@ TEST(DrivenSurface, AColumnStopsOnASurfaceThatGoesTowardsItAndGivesTheImpulseBac
   EXPECT_NEAR(column.value("all", "momentum_y") + 12.5 * 100, -impulse, 1e-9 * 1250);
   column.inputs = nullptr;
   EXPECT_THROW(column.run(1), BadInput);
+}
+
+TEST(DrivenSurface, AColumnFallsOnThroughAPieceThatIsTorn) {
+  DrivenColumn column("0.005", "0.01", "0.04");
+  column.run(10);
+  EXPECT_LT(column.force(), -1000 * 1450 * 100 * 0.03);
+  const auto before = column.inputs;
+  column.inputs = [before](std::uint64_t window) {
+    v1::Exchange received = before(window);
+    received.mutable_displacements()->add_torn(1);
+    return received;
+  };
+  column.run(1, true);
+  EXPECT_EQ(column.force(), 0);
 }
 
 TEST(DrivenSurface, ARestartAndOtherThreadsGiveTheSameBits) {

@@ -142,6 +142,74 @@ TEST(Pinball, RespectsTheThicknessOfAShellOnBothSides) {
   }
 }
 
+// A particle that a tear has exposed is a ball of half a spacing; a torn piece is no wall.
+TEST(Pinball, ATornPieceLetsThroughAndWhatItExposedStops) {
+  Body body = place_on_contours({{{0, 0}, {1, 0}, {1, 1}, {0, 1}}}, 0.1);
+  Body others;
+  others.spacing = {0.1, 0.1};
+  others.position = {0.52, 1.01, 0.57,
+                     0.9,  0.5,  0.9};  // over the piece, beside the particle below it, and that
+  others.volume = others.energy_volume = {0.01, 0.01, 0.01};
+  others.mass = {10, 10, 10};
+  others.fixed = others.edge = others.member = {0, 0, 0};
+  const auto first = static_cast<std::uint32_t>(body.size());
+  append(body, others);
+  body.member[first + 2] = 0;  // inside the first body
+  Pinball pinball(body, {.members = {{.hardness = 1}, {.fluid = true}}});
+  const auto rows = [&] { return pinball.find(body.position, {}, 1e-3); };
+  ASSERT_EQ(rows().size(), 1U);
+  EXPECT_EQ(rows()[0].point, first);
+  const Outline& outline = body.outlines[0];
+  std::array<std::uint32_t, 2> piece{};
+  for (std::size_t k = 0; k < outline.particle.size(); ++k) {
+    const std::uint32_t a = outline.particle[k], b = outline.particle[(k + 1) % outline.particle.size()];
+    if (body.position[2 * a + 1] > 0.99 && body.position[2 * b + 1] > 0.99 && body.position[2 * a] < 0.55 &&
+        body.position[2 * b] > 0.55)
+      piece = {a, b};
+  }
+  const std::vector<std::uint32_t> exposed{first + 2};
+  pinball.tear(std::span(&piece, 1), exposed);
+  ASSERT_EQ(rows().size(), 1U);
+  EXPECT_EQ(rows()[0].point, first + 1);
+  EXPECT_NEAR(rows()[0].gap, 0.07 - 0.05, 1e-12);
+  EXPECT_NEAR(rows()[0].direction[0], 1, 1e-12);
+  pinball.tear({});
+  ASSERT_EQ(rows().size(), 1U);
+  EXPECT_EQ(rows()[0].point, first);
+}
+
+// In front of the nearer face of something thin nothing is behind the other one.
+TEST(Pinball, WhatHasPassedSomethingThinIsNotPulledBackThroughIt) {
+  const std::vector<Polygon> thin{{{0, 0}, {1, 0}, {1, 0.03}, {0, 0.03}}};
+  for (const double y : {-0.01, 0.04}) {
+    const auto rows = rows_of(thin, 0.52, y, {});
+    ASSERT_EQ(rows.size(), 1U);
+    EXPECT_NEAR(rows[0].direction[1], y < 0 ? -1 : 1, 1e-12);
+    EXPECT_NEAR(rows[0].gap, 0.01, 1e-12);
+  }
+}
+
+TEST(Pinball, TakesTheShareOfAPenetrationBackThatItIsAskedFor) {
+  const std::vector<Polygon> square{{{0, 0}, {1, 0}, {1, 1}, {0, 1}}};
+  constexpr double kDepth = 0.02, kStep = 1e-3;
+  for (const double share : {0.0, 0.25, 1.0})
+    for (const double approach : {0.0, 40.0, -2.5}) {
+      auto rows = rows_of(square, 0.52, 1 - kDepth, {}, 0, share);
+      ASSERT_EQ(rows.size(), 1U);
+      std::vector<double> inverse(2 * (rows[0].point + 1) + 3, 0.0), velocity(inverse.size(), 0.0);
+      const std::size_t down = 2 * rows[0].point + 1;
+      inverse[down - 1] = inverse[down] = 0.1;
+      velocity[down] = -approach;
+      ImpulseSolver(inverse).solve(rows, 0, velocity);
+      // What leaves faster than it has to is left alone.
+      const double wanted = std::max(share * kDepth / kStep, -approach);
+      EXPECT_NEAR(velocity[down], wanted, 1e-9);
+      EXPECT_NEAR(kDepth - kStep * velocity[down], std::min((1 - share) * kDepth, kDepth + kStep * approach),
+                  1e-12);
+      EXPECT_NEAR(rows[0].impulse, 10 * (wanted + approach), 1e-7);
+    }
+}
+
 // The coefficient of a degree of freedom in the slip of a row.
 double slip_of(const ContactRow& row, std::size_t freedom) {
   double sum = 0;
@@ -377,6 +445,98 @@ participant = "solid"
     double before = 0;
     const double rubbing = end("0.3", before);
     EXPECT_NEAR(rubbing, before, 1e-11);
+  }
+}
+
+// The harder of two bodies brings the surface, shell or solid: the soft block's tip meets the plate between
+// two of its particles, where these would have met nothing.
+TEST(Impact, TheSoftTipOfASolidMeetsAShellBetweenItsParticles) {
+  const auto deepest = [](const std::string& modulus) {
+    test::RunningScene run(R"(
+dimension = 2
+[coupling]
+mode = "transient"
+window = 1e-5
+end_time = 1
+[solid]
+spacing = 0.01
+density = 1000
+poisson_ratio = 0.3
+[[solid.body]]
+name = "tip"
+polygon = [[0.005, 0.0055], [0.03, 0.06], [-0.02, 0.06]]
+young_modulus = )" + modulus + R"(
+velocity = ["0", "-10"]
+[[solid.body]]
+name = "plate"
+kind = "shell"
+polyline = [[-0.05, 0], [0.05, 0]]
+thickness = 0.01
+young_modulus = 2e8
+[solid.contact]
+method = "pinball"
+[[watch]]
+name = "tip"
+participant = "solid"
+body = "tip"
+[[watch]]
+name = "all"
+participant = "solid"
+)",
+                           1e-5);
+    run.run(30);
+    EXPECT_NEAR(run.value("all", "momentum_y"), -10 * 1000 * 0.5 * 0.05 * 0.0545, 1e-3);
+    return run.value("all", "contact_time");
+  };
+  EXPECT_GT(deepest("2e7"), 1e-4);
+  EXPECT_EQ(deepest("2e9"), 0);
+}
+
+TEST(Impact, WaterFallsThroughATornSolid) {
+  for (const bool torn : {false, true}) {
+    test::RunningScene run(std::string(R"(
+dimension = 2
+[coupling]
+mode = "transient"
+window = 5e-5
+end_time = 1
+[solid]
+spacing = 0.01
+[[solid.body]]
+name = "plate"
+box = { from = [-0.1, -0.04], to = [0.1, 0] }
+density = 1000
+young_modulus = 2e8
+poisson_ratio = 0.3
+velocity = [")") + (torn ? "x > 0.005 ? 100 : -100" : "0") +
+                               R"(", "0"]
+rupture = { stretch = 1000)" + (torn ? ", crack = [[0.005, -0.1], [0.005, 0.1]]" : "") +
+                               R"( }
+[[solid.body]]
+name = "water"
+kind = "fluid"
+box = { from = [-0.01, 0.03], to = [0.02, 0.06] }
+density = 1000
+sound_speed = 100
+velocity = ["0", "-40"]
+[solid.contact]
+[[watch]]
+name = "water"
+participant = "solid"
+body = "water"
+[[watch]]
+name = "all"
+participant = "solid"
+)",
+                           5e-5);
+    run.run(60);
+    if (torn) {
+      EXPECT_NEAR(run.value("water", "velocity_y"), -40, 1e-9);
+      EXPECT_LT(run.value("water", "top"), -0.04);
+    } else {
+      EXPECT_GT(run.value("water", "bottom"), -0.03);
+      EXPECT_GT(run.value("all", "contact_time"), 1e-5);
+    }
   }
 }
 

@@ -325,5 +325,95 @@ TEST(Rupture, RepeatedWindowsARestartAndOtherThreadsGiveTheSameBits) {
     EXPECT_EQ(one[quantity], four[quantity]) << quantity;
 }
 
+// Of a shell and of a solid, alone and among bodies that meet by impulses, a corner is torn off.
+class IsolatedParticles : public testing::TestWithParam<const char*> {
+protected:
+  [[nodiscard]] static std::string scene(const std::string& fate) {
+    const std::string which = GetParam();
+    std::string text = R"(
+dimension = 2
+[coupling]
+mode = "transient"
+window = 1e-4
+end_time = 1
+[[watch]]
+name = "all"
+participant = "solid"
+[solid]
+spacing = 0.1
+density = 1000
+young_modulus = 1e6
+poisson_ratio = 0.3
+isolated_particles = ")" +
+                       fate + "\"\n";
+    if (which == "shell")
+      return text + R"(
+kind = "shell"
+polyline = [[0, 0], [0.5, 0]]
+thickness = 0.02
+velocity = ["x > 0.45 ? 300 : 0", "0"]
+rupture = { stretch = 0.1 }
+)";
+    if (which != "solid") text += "[[solid.body]]\nname = \"block\"\n";
+    text += R"(
+box = { from = [0, 0], to = [0.3, 0.3] }
+velocity = ["x > 0.25 ? (y > 0.25 ? 300 : 0) : 0", "x > 0.25 ? (y > 0.25 ? 300 : 0) : 0"]
+rupture = { stretch = 0.1 }
+)";
+    if (which == "solid") return text;
+    return text + R"(
+[[solid.body]]
+name = "wall"
+kind = "rigid"
+box = { from = [0.5, -1], to = [0.8, 1] }
+mass = 1
+held = ["x", "y", "rotation"]
+[solid.contact]
+method = "pinball"
+)";
+  }
+};
+
+TEST_P(IsolatedParticles, AreRemovedAndAccountedFor) {
+  const bool shell = std::string(GetParam()) == "shell", meets = std::string(GetParam()) == "impact";
+  const double mass = shell ? 1000 * 0.02 * 0.05 : 1000 * 0.05 * 0.05;
+  test::RunningScene flies(scene("fly_on"), 1e-4), removed(scene("remove"), 1e-4),
+      twice(scene("remove"), 1e-4), later(scene("remove"), 1e-4);
+  flies.run(14);
+  removed.run(8);
+  removed.save();
+  later.run(1);
+  later.go_on_from(removed);
+  removed.run(6);
+  later.run(6);
+  twice.run(14, true);
+  ASSERT_EQ(flies.value("all", "isolated_particles"), 1);
+  EXPECT_EQ(removed.value("all", "removed_particles"), 1);
+  EXPECT_NEAR(removed.value("all", "removed_mass"), mass, 1e-12);
+  EXPECT_NEAR(removed.value("all", "momentum_x") + removed.value("all", "removed_momentum_x"), 300 * mass,
+              1e-9);
+  EXPECT_NEAR(removed.value("all", "momentum_y") + removed.value("all", "removed_momentum_y"),
+              shell ? 0 : 300 * mass, 1e-9);
+  EXPECT_NEAR(removed.value("all", "angular_momentum") + removed.value("all", "removed_angular_momentum"), 0,
+              1e-9);
+  // It left with nearly all it had.
+  const double start = (shell ? 0.5 : 1.0) * mass * 300 * 300;
+  EXPECT_GT(removed.value("all", "removed_energy"), 0.9 * start);
+  EXPECT_LT(removed.value("all", "kinetic_energy"), 0.1 * start);
+  if (meets) {
+    EXPECT_GT(flies.value("all", "contact_time"), 0);
+    EXPECT_EQ(removed.value("all", "contact_time"), 0);
+  } else {
+    EXPECT_NEAR(removed.value("all", "total_energy") / flies.value("all", "total_energy"), 1, 1e-12);
+  }
+  for (const char* quantity : {"kinetic_energy", "total_energy", "removed_energy", "maximum_displacement"}) {
+    EXPECT_EQ(removed.value("all", quantity), later.value("all", quantity)) << quantity;
+    EXPECT_EQ(removed.value("all", quantity), twice.value("all", quantity)) << quantity;
+  }
+}
+
+INSTANTIATE_TEST_SUITE_P(Of, IsolatedParticles, testing::Values("shell", "solid", "impact"),
+                         [](const auto& each) { return std::string(each.param); });
+
 }  // namespace
 }  // namespace estuary::solid

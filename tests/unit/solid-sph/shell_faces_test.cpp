@@ -4,6 +4,7 @@
 #include <gtest/gtest.h>
 
 #include "bodies.hpp"
+#include "running_scene.hpp"
 
 namespace estuary::solid {
 namespace {
@@ -93,6 +94,39 @@ TEST(ShellFaces, ForcesOnThemKeepForceMomentAndPower) {
   EXPECT_NEAR(fy, 0, 1e-12);
   EXPECT_NEAR(moment, 0, 1e-12);
   EXPECT_NEAR(power, 0, 1e-11);
+}
+
+// Nodes of the faces go round the shell, the last of one beside the last of the other: of 10 links the
+// seventh.
+TEST(ShellFaces, BothFacesOfABrokenLinkAreTornAndStaySo) {
+  test::RunningScene run(R"(
+dimension = 2
+[coupling]
+mode = "transient"
+window = 1e-4
+end_time = 1
+[solid]
+kind = "shell"
+polyline = [[0, 0], [1, 0]]
+thickness = 0.02
+spacing = 0.1
+density = 1000
+young_modulus = 1e6
+poisson_ratio = 0.3
+velocity = ["x > 0.65 ? 20 : 0", "0"]
+wet = ["contour"]
+rupture = { stretch = 0.05 }
+)",
+                         1e-4);
+  run.run(1);
+  EXPECT_EQ(run.result().outputs.displacements().torn_size(), 0);
+  for (const int windows : {10, 5}) {
+    run.run(windows);
+    const auto& torn = run.result().outputs.displacements().torn();
+    ASSERT_EQ(torn.size(), 2);
+    EXPECT_EQ(torn[0], 6U);
+    EXPECT_EQ(torn[1], 14U);
+  }
 }
 
 }  // namespace
