@@ -147,7 +147,7 @@ TEST(Pinball, ATornPieceLetsThroughAndWhatItExposedStops) {
   Body body = place_on_contours({{{0, 0}, {1, 0}, {1, 1}, {0, 1}}}, 0.1);
   Body others;
   others.spacing = {0.1, 0.1};
-  others.position = {0.52, 1.01, 0.57,
+  others.position = {0.55, 1.01, 0.57,
                      0.9,  0.5,  0.9};  // over the piece, beside the particle below it, and that
   others.volume = others.energy_volume = {0.01, 0.01, 0.01};
   others.mass = {10, 10, 10};
