@@ -52,6 +52,7 @@ Json participants_json(const CheckedScene& scene, const Participants* participan
                   {"bytes_per_update", finite_or_null(work.bytes_per_update())},
                   {"peak_rss_bytes", work.peak_rss_bytes()},
                   {"phases", phases}};
+    if (work.has_energy_error()) entry["energy_error"] = finite_or_null(work.energy_error());
     // Where its frames and checkpoints are, when that is not below this folder.
     if (!participant->scene().folder.empty()) {
       entry["host"] = participant->scene().host;
@@ -182,7 +183,10 @@ std::string timing_table(const Participants& participants, const RunEnd& end) {
     if (work.bytes_per_update() > 0) {
       text += fmt::format(" ({:.1f} GB/s)", updates_per_second(*participant) * work.bytes_per_update() / 1e9);
     }
-    text += fmt::format(", {:.0f} MB\n", static_cast<double>(work.peak_rss_bytes()) / 1e6);
+    text += fmt::format(", {:.0f} MB", static_cast<double>(work.peak_rss_bytes()) / 1e6);
+    if (work.has_energy_error())
+      text += fmt::format(", balance of energy {:+.2g} %", 100 * work.energy_error());
+    text += '\n';
   }
   return text;
 }

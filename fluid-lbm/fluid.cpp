@@ -236,7 +236,8 @@ AdvanceResult Fluid::result() {
                    .bytes_per_update = flow_->bytes_per_update(),
                    .phase_seconds = {{"collide and stream", seconds_.collide_and_stream},
                                      {"wet surface", seconds_.wet_surface},
-                                     {"fields and loads", seconds_.fields_and_loads}}};
+                                     {"fields and loads", seconds_.fields_and_loads}},
+                   .energy_error = {}};
   return advanced;
 }
 

@@ -12,6 +12,8 @@ namespace {
 
 using Clock = std::chrono::steady_clock;
 
+constexpr std::uint64_t kStepsBetweenAudits = 10'000;
+
 double seconds_since(Clock::time_point begin) {
   return std::chrono::duration<double>(Clock::now() - begin).count();
 }
@@ -86,13 +88,14 @@ v1::Exchange Grains::start(const v1::Exchange& initial, const std::filesystem::p
   // partner.
   work_.bytes_per_update = 150 + medium_->pairs_per_grain() * 90;
   step_seconds_ = transfer_seconds_ = 0;
+  next_audit_ = kStepsBetweenAudits;
   current_window_ = 0;
   v1::Exchange brought;
   if (scene_.coupled_to_fluid) medium_->fill(*brought.mutable_grain_states());
   return brought;
 }
 
-void Grains::take_inputs(const v1::Exchange& inputs) {
+void Grains::take_inputs(const v1::Exchange& inputs, double middle) {
   const std::size_t n = medium_->bodies();
   if (scene_.coupled_to_fluid && !inputs.has_grain_forces())
     throw BadInput("inputs.grain_forces", "the forces of the fluid are missing");
@@ -104,7 +107,7 @@ void Grains::take_inputs(const v1::Exchange& inputs) {
     const auto& forces = inputs.grain_forces();
     require("inputs.grain_forces.force", forces.force(), n * scene_.axes());
     require("inputs.grain_forces.torque", forces.torque(), n * (scene_.dimension == 2 ? 1 : 3));
-    medium_->set_fluid_forces(view(forces.force()), view(forces.torque()));
+    medium_->set_fluid_forces(view(forces.force()), view(forces.torque()), middle);
   }
   if (inputs.has_displacements()) {
     if (surface_.reference_positions().empty())
@@ -131,10 +134,16 @@ AdvanceResult Grains::advance(const Window& window, const v1::Exchange& inputs, 
                      "a window is repeated, but this scene couples grains explicitly: once per window");
     medium_->go_back();
   }
-  take_inputs(inputs);
+  // In a steady flow nothing moves, and no time is given.
+  take_inputs(inputs, moves ? window.time + 0.5 * window.duration : 0.0);
   transfer_seconds_ += seconds_since(begin);
 
   if (moves) move(window, progress);
+  // The balance of energies looks at every contact: now and then, and at the end.
+  if (moves && (work_.steps >= next_audit_ || window.time + 1.5 * window.duration > scene_.end_time)) {
+    work_.energy_error = medium_->energy_error();
+    next_audit_ = work_.steps + kStepsBetweenAudits;
+  }
 
   begin = Clock::now();
   AdvanceResult result;

@@ -28,7 +28,7 @@ public:
   void stop() override;
 
 private:
-  void take_inputs(const v1::Exchange& inputs);
+  void take_inputs(const v1::Exchange& inputs, double middle);  // of the window, in time
   /// Steps through the window.
   void move(const Window& window, ProgressBoard& progress);
 
@@ -40,7 +40,7 @@ private:
   std::unique_ptr<FieldSeries> series_;
   Work work_;
   double step_seconds_ = 0, transfer_seconds_ = 0;
-  std::uint64_t current_window_ = 0;
+  std::uint64_t current_window_ = 0, next_audit_ = 0;
 };
 
 }  // namespace estuary::grains

@@ -164,8 +164,7 @@ Plan plan_of(const GrainsScene& scene) {
         "a fluid takes part, but [grains.fluid] does not say how it carries the grains: "
         "gravity acts in full and no buoyancy is added");
   if (scene.coupled_to_fluid && scene.fluid.present) {
-    const auto& given = scene.fluid.acceleration;
-    const bool driven = std::any_of(given.begin(), given.end(), [](double a) { return a != 0; });
+    const bool driven = !scene.fluid.acceleration.empty();
     if (scene.fluid.reduced_gravity && scene.fluid.has_body_force && !driven)
       plan.warnings.emplace_back(
           "[fluid] body_force does not reach the grains: where it drives the flow give [grains.fluid] "

@@ -4,6 +4,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <cstdlib>
 #include <limits>
 
 #include "scene_sections.hpp"
@@ -76,13 +77,18 @@ void read_material(SceneTable& grains, GrainsScene& result) {
 
 void read_fluid(SceneTable& grains, GrainsScene& result) {
   auto fluid = grains.table_if("fluid");
-  result.fluid.acceleration.assign(result.axes(), 0.0);
   if (!fluid) return;
   result.fluid.present = true;
   result.fluid.density = fluid->number("density", Range::positive());
   constexpr std::array<std::string_view, 2> buoyancies{"reduced_gravity", "pressure"};
   result.fluid.reduced_gravity = fluid->choice("buoyancy", buoyancies) == "reduced_gravity";
-  result.fluid.acceleration = vector_or(*fluid, "acceleration", result.axes(), 0);
+  result.fluid.acceleration = motion_of(*fluid, "acceleration", result.axes());
+  const auto zero = [](const std::string& text) {
+    char* end = nullptr;
+    return std::strtod(text.c_str(), &end) == 0 && *end == '\0';
+  };
+  if (std::all_of(result.fluid.acceleration.begin(), result.fluid.acceleration.end(), zero))
+    result.fluid.acceleration.clear();
   // Explicit exchange needs it where the fluid that a grain pushes outweighs the grain.
   double lightest = std::numeric_limits<double>::infinity();
   for (const GroupScene& group : result.groups)

@@ -87,8 +87,9 @@ struct FluidScene {
   bool reduced_gravity =
       true;  // less the weight of the fluid displaced, or whole: the fluid's own pressure carries
   double virtual_mass = 0;  // in masses of the fluid displaced; see medium.hpp
-  std::vector<double>
-      acceleration;             // body force that drives the fluid: its pressure gradient acts on grains too
+  // Body force that drives the fluid, expressions of t: its pressure gradient acts on grains too. Empty when
+  // there is none.
+  std::vector<std::string> acceleration;
   bool has_body_force = false;  // in the fluid's own table: gravity or what drives it
 };
 

@@ -27,8 +27,9 @@ public:
 
   [[nodiscard]] bool at_rest() const override;
 
-  void set_fluid_forces(std::span<const double> force, std::span<const double> torque) override;
+  void set_fluid_forces(std::span<const double> force, std::span<const double> torque, double time) override;
 
+  [[nodiscard]] double energy_error() const override { return dynamics_->energy_error(); }
   void set_surface(std::span<const double> positions) override {
     if (surface_wall_) dynamics_->set_wall_target(*surface_wall_, positions);
   }
@@ -70,7 +71,8 @@ private:
   std::optional<typename Dynamics<D>::Snapshot> kept_;
   std::vector<std::vector<Expression>> wall_velocity_, wall_spin_;
   std::optional<std::size_t> surface_wall_;
-  std::vector<double> mass_, pressure_force_, given_force_, given_torque_;
+  std::vector<Expression> drive_;  // accelerations of the fluid by the body force that drives it
+  std::vector<double> mass_, displaced_mass_, given_force_, given_torque_;
   // Empty without virtual mass; accelerations over the last window, in the scene's order.
   std::vector<double> virtual_mass_, virtual_inertia_, acceleration_, turning_;
   std::vector<double> kept_acceleration_, kept_turning_;

@@ -71,16 +71,11 @@ GranularMedium<D>::GranularMedium(const GrainsScene& scene, const v1::WetSurface
     for (double& r : radius) r -= scene.contact_margin;
     cement_ = make_cement<D>(scene.cement, dynamics_->settings().domain, grains.position, radius);
   }
-  pressure_force_.assign(D * mass_.size(), 0.0);
+  displaced_mass_.resize(mass_.size());
   for (std::size_t i = 0; i < mass_.size(); ++i)
-    for (std::size_t c = 0; c < D; ++c)
-      // What a driving body force, and the weight of the fluid itself where it is not in the fluid's own
-      // pressure, add as pressure gradients.
-      pressure_force_[D * i + c] = scene.fluid.density *
-                                   grain_volume(D, grains.radius[i] - scene.contact_margin) *
-                                   (scene.fluid.acceleration[c] -
-                                    (scene.fluid.reduced_gravity ? dynamics_->settings().gravity[c] : 0.0));
-  if (scene.fluid.present) set_fluid_forces({}, {});
+    displaced_mass_[i] = scene.fluid.density * grain_volume(D, grains.radius[i] - scene.contact_margin);
+  for (const std::string& part : scene.fluid.acceleration) drive_.emplace_back(part);
+  if (scene.fluid.present) set_fluid_forces({}, {}, 0);
   dynamics_->begin_audit();
 }
 
@@ -129,9 +124,18 @@ bool GranularMedium<D>::at_rest() const {
 }
 
 template <int D>
-void GranularMedium<D>::set_fluid_forces(std::span<const double> force, std::span<const double> torque) {
+void GranularMedium<D>::set_fluid_forces(std::span<const double> force, std::span<const double> torque,
+                                         double time) {
   take_cement_loads(force, torque);
-  std::vector<double> total = pressure_force_;
+  // What a driving body force, and the weight of the fluid itself where it is not in the fluid's own
+  // pressure, add as pressure gradients.
+  Vector<D> gradient{};
+  for (std::size_t c = 0; c < D; ++c) {
+    if (!drive_.empty()) gradient[c] = drive_[c](0, 0, 0, time);
+    if (scene_.fluid.reduced_gravity) gradient[c] -= dynamics_->settings().gravity[c];
+  }
+  std::vector<double> total(D * mass_.size());
+  for (std::size_t k = 0; k < total.size(); ++k) total[k] = displaced_mass_[k / D] * gradient[k % D];
   for (std::size_t k = 0; k < given_force_.size(); ++k) total[k] += given_force_[k];
   if (virtual_mass_.empty()) {
     dynamics_->set_external(total, given_torque_);

@@ -29,7 +29,7 @@ public:
   /// Moves everything over `duration`.
   virtual void advance(double duration, std::uint64_t steps, const StepMonitor& monitor) = 0;
   /// Forces of the fluid, in the scene's order, those on pieces of cement after them; constant during the
-  /// next advance.
+  /// next advance. `time`: at which a body force that drives the fluid is taken, the middle of that advance.
   ///
   /// The fluid answers a grain's acceleration one exchange late. Where its added mass exceeds the grain's
   /// own, that delay grows without bound. With C masses of the displaced fluid m_f as virtual mass the grain
@@ -39,7 +39,10 @@ public:
   /// change little from one window to the next, and stable for any m when m_added < 2 C m_f + m. Source: the
   /// idea of Schwarz, Kempe, Froehlich, J. Comput. Phys. 281 (2015). Where a_old is a blow (above ten times
   /// what acts from outside) that outer part is taken instead.
-  virtual void set_fluid_forces(std::span<const double> force, std::span<const double> torque) = 0;
+  virtual void set_fluid_forces(std::span<const double> force, std::span<const double> torque,
+                                double time) = 0;
+  /// What the balance of energies misses, over the energy turned over; a look at every contact.
+  [[nodiscard]] virtual double energy_error() const = 0;
   virtual void set_surface(std::span<const double> node_positions) = 0;
   /// Force on each node of the wet surface, mean over the last advance.
   [[nodiscard]] virtual std::vector<double> surface_forces() const = 0;

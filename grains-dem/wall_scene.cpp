@@ -4,7 +4,6 @@
 #include <algorithm>
 #include <cmath>
 
-#include "expression.hpp"
 #include "scene_sections.hpp"
 
 namespace estuary::grains {
@@ -12,20 +11,6 @@ namespace {
 
 constexpr std::array<std::string_view, 3> kAxes{"x", "y", "z"};
 constexpr std::array<std::string_view, 6> kSides{"left", "right", "bottom", "top", "back", "front"};
-
-// Components of a velocity or spin as expressions of t; empty when the key is absent.
-std::vector<std::string> motion_of(SceneTable& table, const char* key, std::size_t size) {
-  if (!table.has(key)) return {};
-  std::vector<std::string> texts = table.expressions(key, size);
-  for (const std::string& text : texts) {
-    try {
-      if (!std::isfinite(Expression(text)(0, 0, 0, 0))) table.problem(key, "is not finite at t = 0");
-    } catch (const std::invalid_argument& error) {
-      table.problem(key, error.what());
-    }
-  }
-  return texts;
-}
 
 // From a file, scaled and shifted, or given number by number.
 TriangleMesh read_mesh(SceneTable& table) {

@@ -66,6 +66,8 @@ struct Work {
   double updates = 0;           // cells or particles x steps
   double bytes_per_update = 0;  // memory traffic the method needs
   std::vector<std::pair<std::string, double>> phase_seconds;
+  /// What the balance of energies misses, over the energy turned over; for participants that keep one.
+  std::optional<double> energy_error;
 };
 
 struct AdvanceResult {

@@ -237,6 +237,7 @@ void Session::advance(const v1::Request& request, v1::Reply& reply) {
   work.set_steps(result.work.steps);
   work.set_updates(result.work.updates);
   work.set_bytes_per_update(result.work.bytes_per_update);
+  if (result.work.energy_error) work.set_energy_error(*result.work.energy_error);
   work.set_peak_rss_bytes(peak_memory_.bytes());
   for (const auto& [phase, seconds] : result.work.phase_seconds) {
     auto* entry = work.add_phases();

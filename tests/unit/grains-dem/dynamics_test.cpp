@@ -128,6 +128,27 @@ TEST(HalfOverlap, FliesApartWithTheEnergyStored) {
   EXPECT_NEAR(dynamics.energies().translation, stored, 1e-3 * stored);
 }
 
+TEST(Lubrication, OfDiscsIsThatOfCylindersFromTheCutOffDownToTheRoughness) {
+  const double viscosity = 0.1, cutoff = 1e-3, roughness = 1e-4, reduced = 0.01 * 0.02 / 0.03, approach = 0.3;
+  const auto law = [&](double gap) {
+    const auto part = [&](double h) { return std::pow(reduced / h, 1.5); };
+    return 3 * std::numbers::sqrt2 * std::numbers::pi * viscosity * approach * (part(gap) - part(cutoff));
+  };
+  for (const auto& [gap, force] :
+       {std::pair{5e-4, law(5e-4)}, {2e-4, law(2e-4)}, {1e-5, law(roughness)}, {1.1e-3, 0.0}}) {
+    auto settings = test::free_space<2>(1e4, 1);
+    settings.lubrication = {.viscosity = viscosity, .cutoff = cutoff, .minimum_gap = roughness, .margin = 0};
+    InitialGrains<2> grains;
+    add_grain<2>(grains, {0, 0}, {0.1, 0.5}, 0.01);  // what goes across does not count
+    add_grain<2>(grains, {0.03 + gap, 0}, {-0.2, 0}, 0.02);
+    Dynamics<2> dynamics(settings, grains, {});
+    const std::size_t first = dynamics.state().identity[0] == 0 ? 0 : 1;
+    EXPECT_NEAR(dynamics.state().force[2 * first], -force, 1e-9 * law(1e-4)) << gap;
+    EXPECT_NEAR(dynamics.state().force[2 * (1 - first)], force, 1e-9 * law(1e-4)) << gap;
+    EXPECT_NEAR(dynamics.state().force[2 * first + 1], 0, 1e-9 * law(1e-4)) << gap;
+  }
+}
+
 TEST(Lubrication, SlowsAnApproachByReynoldsLaw) {
   // No inertia matters in the force itself: compare it with the formula at the first step.
   auto settings = test::free_space<3>(1e4, 1);

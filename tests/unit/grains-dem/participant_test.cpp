@@ -228,6 +228,17 @@ TEST(Deposit, FindsTheFrictionOfATargetPorosity) {
   }
 }
 
+TEST(Audit, IsThereAtTheEndWhetherOrNotItIsWatched) {
+  Running run(replaced(kHeap, "end_time = 1.0", "end_time = 0.03"));
+  EXPECT_FALSE(run.step(1).work.energy_error.has_value());
+  run.grains.accept();
+  run.step(2);
+  run.grains.accept();
+  const auto last = run.step(3);
+  ASSERT_TRUE(last.work.energy_error.has_value());
+  EXPECT_EQ(*last.work.energy_error, value_of(last, "all", "energy_error"));
+}
+
 TEST(Checkpoint, GoesOnBitForBit) {
   Running first(kHeap);
   for (std::uint64_t window = 1; window <= 20; ++window) {
@@ -257,8 +268,8 @@ TEST(Frame, IsWritten) {
 
 // In a fluid: buoyancy by reduced gravity, forces taken, states given.
 TEST(Fluid, ForcesMoveGrainsAndWeightIsReduced) {
-  std::string text = replaced(kHeap, "[[watch]]",
-                              "[fluid]\n[grains.fluid]\ndensity = 1000\nacceleration = [0.4, 0]\n[[watch]]");
+  std::string text = replaced(
+      kHeap, "[[watch]]", "[fluid]\n[grains.fluid]\ndensity = 1000\nacceleration = [\"80*t\", 0]\n[[watch]]");
   text = replaced(text, "count = 60\nfrom = [0, 0]\nto = [0.2, 0.3]", "positions = [[0.1, 0.5]]");
   text =
       replaced(text, "[grains.group.grading]\nlaw = \"beta\"\nminimum_radius = 0.006\nmaximum_radius = 0.012",
@@ -273,7 +284,8 @@ TEST(Fluid, ForcesMoveGrainsAndWeightIsReduced) {
   inputs.mutable_grain_forces()->add_torque(1e-4);
   const auto result = run.step(1, inputs);
   const double mass = 2000 * 3.14159265358979 * 1e-4;
-  // Half as heavy as the grain, the fluid that a body force drives adds half of its acceleration.
+  // Half as heavy as the grain, the fluid that a body force drives adds half of its acceleration, that in the
+  // middle of the window: 80 t over 10 ms.
   EXPECT_NEAR(value_of(result, "one", "velocity_x"), (0.3 / mass + 0.5 * 0.4) * 0.01, 1e-12);
   EXPECT_NEAR(value_of(result, "one", "velocity_y"), -0.5 * 9.81 * 0.01, 1e-12);
   EXPECT_NEAR(value_of(result, "one", "spin"), 1e-4 * 0.01 / (0.5 * mass * 1e-4), 1e-9);
