@@ -53,6 +53,17 @@ double time_of_passage(const WatchSeries& series, std::size_t from, std::size_t 
   return series.time[n - 1] + part * (series.time[n] - series.time[n - 1]);
 }
 
+// The first time at which the values are above the level, linear between samples.
+double time_above(const WatchSeries& series, std::size_t first, double level) {
+  for (std::size_t n = first; n < series.value.size(); ++n) {
+    if (!(series.value[n] > level)) continue;
+    if (n == first) return series.time[n];
+    const double part = (level - series.value[n - 1]) / (series.value[n] - series.value[n - 1]);
+    return series.time[n - 1] + part * (series.time[n] - series.time[n - 1]);
+  }
+  return missing;
+}
+
 double statistic_of(const WatchSeries& whole, const std::string& statistic, const WatchScene& watch) {
   WatchSeries series = whole;
   // Times are multiples of the window, `to_time` is as somebody wrote it: they may differ by round-off.
@@ -72,6 +83,8 @@ double statistic_of(const WatchSeries& whole, const std::string& statistic, cons
       std::lower_bound(series.time.begin(), series.time.end(), watch.from_time) - series.time.begin());
   const auto begin = series.value.begin() + first;
   if (begin == series.value.end()) return missing;
+  if (statistic == "time_above")
+    return watch.level ? time_above(series, static_cast<std::size_t>(first), *watch.level) : missing;
   if (statistic == "frequency") return frequency_of(series, watch.from_time);
   if (statistic == "min") return *std::min_element(begin, series.value.end());
   if (statistic == "max") return *std::max_element(begin, series.value.end());

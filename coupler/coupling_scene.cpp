@@ -333,6 +333,7 @@ void read_watches(SceneTable& root, CouplingScene& result) {
     watch.participant = table.text("participant");
     if (table.has("angular_frequency"))
       watch.angular_frequency = table.number("angular_frequency", Range::positive());
+    if (table.has("level")) watch.level = table.number("level", Range::any());
     watch.from_time = table.number_or("from_time", 0.0, Range::not_negative());
     if (table.has("to_time")) {
       watch.to_time = table.number("to_time", Range::positive());
@@ -401,14 +402,15 @@ void read_checks(SceneTable& root, CouplingScene& result) {
                                 check.quantity));
     }
     const std::string last = check.quantity.substr(check.quantity.rfind('.') + 1);
-    if (last == "amplitude" || last == "phase") {
-      for (const auto& watch : result.watches) {
-        if (check.quantity.starts_with(watch.name + ".") && !watch.angular_frequency) {
-          table.problem(
-              "quantity",
-              fmt::format("the watch '{}' needs `angular_frequency` for an amplitude or phase", watch.name));
-        }
-      }
+    for (const auto& watch : result.watches) {
+      if (!check.quantity.starts_with(watch.name + ".")) continue;
+      if ((last == "amplitude" || last == "phase") && !watch.angular_frequency)
+        table.problem(
+            "quantity",
+            fmt::format("the watch '{}' needs `angular_frequency` for an amplitude or phase", watch.name));
+      if (last == "time_above" && !watch.level)
+        table.problem("quantity",
+                      fmt::format("the watch '{}' needs `level` for the time above it", watch.name));
     }
     result.checks.push_back(std::move(check));
   }

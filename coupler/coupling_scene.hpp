@@ -66,13 +66,16 @@ struct WatchScene {
   /// For amplitude and phase of cos(angular_frequency t + phase), fitted over whole periods from `from_time`
   /// on.
   std::optional<double> angular_frequency;
+  /// For time_above: the time at which a quantity is first larger.
+  std::optional<double> level;
   double from_time = 0;
   /// What comes later does not count for the statistics, nor as the last value [s].
   double to_time = std::numeric_limits<double>::infinity();
 };
 
-/// `quantity` is WATCH.QUANTITY or WATCH.QUANTITY.STATISTIC (last, min, max, mean, amplitude, phase), or one
-/// of coupling.iterations (the largest of all windows), coupling.total_iterations, run.windows, run.wall_s.
+/// `quantity` is WATCH.QUANTITY or WATCH.QUANTITY.STATISTIC (last, min, max, mean, ..., as in the README), or
+/// one of coupling.iterations (the largest of all windows), coupling.total_iterations, run.windows,
+/// run.wall_s.
 struct CheckScene {
   std::string quantity;
   std::optional<double> reference;

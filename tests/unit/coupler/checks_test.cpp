@@ -62,7 +62,7 @@ class Checks : public testing::Test {
 protected:
   void SetUp() override {
     scene_.watches.push_back(
-        {.name = "tip", .participant = "solid", .angular_frequency = {}, .from_time = 0});
+        {.name = "tip", .participant = "solid", .angular_frequency = {}, .level = {}, .from_time = 0});
   }
   CheckResult evaluate(CheckScene check) {
     scene_.checks = {std::move(check)};
@@ -111,6 +111,17 @@ TEST_F(Checks, LeavesOutWhatComesAfterToTime) {
   EXPECT_DOUBLE_EQ(evaluate(compare("tip.x", 1, 0)).value, 1);
   scene_.watches[0].to_time = 0.5;
   EXPECT_TRUE(std::isnan(evaluate(compare("tip.x", 1, 0)).value));
+}
+
+TEST_F(Checks, TellsWhenAValueIsFirstAboveALevel) {
+  // 1, 4 and 2 at these very times: above 2 from a third of the way on.
+  EXPECT_TRUE(std::isnan(evaluate(compare("tip.x.time_above", 2, 0)).value));
+  scene_.watches[0].level = 2.0;
+  EXPECT_DOUBLE_EQ(evaluate(compare("tip.x.time_above", 2, 1e-12)).value, 2);
+  scene_.watches[0].level = 0.5;
+  EXPECT_DOUBLE_EQ(evaluate(compare("tip.x.time_above", 1, 0)).value, 1);
+  scene_.watches[0].level = 4.0;
+  EXPECT_TRUE(std::isnan(evaluate(compare("tip.x.time_above", 2, 0)).value));
 }
 
 TEST_F(Checks, HoldsTheRelativeErrorAgainstTheTolerance) {
