@@ -77,6 +77,25 @@ double ShellScene::modulus(const MaterialScene& material, Plane plane) const {
              : material.young_modulus;
 }
 
+void plan_shear_rupture(const SolidScene& scene, Plan& plan) {
+  for (const BodyScene& body : scene.bodies) {
+    const double limit = body.rupture.shear;
+    if (!body.shell || !(limit > 0)) continue;
+    const double shear_modulus = 0.5 * body.material.young_modulus / (1 + body.material.poisson_ratio),
+                 stiffness = body.shell->shear_correction * shear_modulus * body.shell->thickness;
+    std::string text = fmt::format("{:.4g} N/m, k G h times the shear strain {:g}", stiffness * limit, limit);
+    const std::vector<double>& yield = body.material.plasticity.yield;
+    if (!yield.empty() && body.shell->shear_weight > 0) {
+      const double bears = yield.front() * body.shell->thickness / std::sqrt(3 * body.shell->shear_weight);
+      text = stiffness * limit < bears
+                 ? text + fmt::format(", {:.3g} of what the section bears", stiffness * limit / bears)
+                 : fmt::format("{:.4g} N/m, at which the section flows from a shear strain of {:.3g} to {:g}",
+                               bears, bears / stiffness, limit);
+    }
+    plan.derived.emplace_back("\"" + body.name + "\" breaks under a shear force of", text);
+  }
+}
+
 void plan_shells(const SolidScene& scene, Plan& plan) {
   double particles = 0;
   for (const BodyScene& body : scene.bodies) {

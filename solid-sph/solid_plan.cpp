@@ -53,6 +53,7 @@ void plan_rigid(const SolidScene& scene, const BodyScene& body, Plan& plan) {
 Plan plan_of(const SolidScene& scene) {
   const Box& box = scene.bodies.front().box;
   Plan plan;
+  plan_shear_rupture(scene, plan);
   if (scene.impact()) {
     plan_impact(scene, plan);
     return plan;

@@ -236,6 +236,8 @@ void check_expression(SceneTable& table, std::string_view key, const std::string
 Plan plan_of(const SolidScene& scene);
 /// The part of shells.
 void plan_shells(const SolidScene& scene, Plan& plan);
+/// What a limit on shear strain means for the sections of shells.
+void plan_shear_rupture(const SolidScene& scene, Plan& plan);
 /// The part of bodies that meet by impulses.
 void plan_impact(const SolidScene& scene, Plan& plan);
 

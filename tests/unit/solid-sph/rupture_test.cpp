@@ -8,6 +8,7 @@
 #include "bodies.hpp"
 #include "running_scene.hpp"
 #include "rupture.hpp"
+#include "shell.hpp"
 
 namespace estuary::solid {
 namespace {
@@ -276,6 +277,50 @@ participant = "solid"
   strip.run(30);
   EXPECT_EQ(strip.value("all", "broken_links"), 1);
   EXPECT_NEAR(strip.value("all", "external_work") - strip.value("all", "kinetic_energy"), 12, 0.12);
+}
+
+// One link of a row whose ends move as told. A limit on shear sees x'.n alone, in a frame that turns with the
+// fibres.
+TEST(Rupture, ALinkOfAShellBreaksAtItsShearStrain) {
+  const double limit = 0.003, length = 0.1;
+  const ShellSection section{.thickness = 0.01,
+                             .young_modulus = 2e5,
+                             .shear_modulus = 8e4,
+                             .density = 7.8,
+                             .rupture = {.shear = limit}};
+  const Body body = fill_row(std::vector<std::array<double, 2>>{{0, 0}, {length, 0}}, false, length, section);
+  ASSERT_EQ(body.size(), 2U);
+  ShellRow row(body, {section});
+  // The second particle's place in a link stretched by `along`, sheared by `shear`, bent and turned.
+  const auto breaks = [&](double along, double shear, double bend, double turn) {
+    const double c = std::cos(turn), s = std::sin(turn);
+    const std::vector<double> u{0, 0, length * (along * c - shear * s - 1), length * (along * s + shear * c)};
+    std::vector<double> history = row.rest_history();
+    history[0] = turn - 0.5 * bend;
+    history[2] = turn + 0.5 * bend;
+    Fields fields(2);
+    row.evaluate(u, history, true, fields);
+    if (row.break_links(history) == 0) {
+      EXPECT_EQ(row.losses(history)[0], 0);
+      return false;
+    }
+    Fields after(2);
+    row.evaluate(u, history, false, after);
+    for (const double force : after.force) EXPECT_EQ(force, 0);
+    EXPECT_EQ(row.losses(history)[0], 1);
+    return true;
+  };
+  for (const double sign : {1.0, -1.0}) {
+    for (const double turn : {0.0, 0.7, 3.0}) {
+      EXPECT_FALSE(breaks(1, sign * (1 - 1e-9) * limit, 0, turn)) << turn;
+      EXPECT_TRUE(breaks(1, sign * (1 + 1e-9) * limit, 0, turn)) << turn;
+      // However long it is, however bent.
+      EXPECT_FALSE(breaks(1.5, sign * (1 - 1e-9) * limit, 0.3, turn)) << turn;
+      EXPECT_TRUE(breaks(1.5, sign * (1 + 1e-9) * limit, 0.3, turn)) << turn;
+    }
+    EXPECT_FALSE(breaks(1 + sign * 0.9, 0, 0, 0));
+    EXPECT_FALSE(breaks(1, 0, sign, 0));
+  }
 }
 
 TEST(Rupture, RefusesACrackThatBreaksNothing) {
