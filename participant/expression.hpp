@@ -8,7 +8,7 @@ namespace estuary {
 
 /// Not safe to share between threads, not even for evaluation only: one per thread.
 class Expression {
- public:
+public:
   /// Throws std::invalid_argument with muParser's message and position when the text is not an expression.
   explicit Expression(const std::string& text);
   ~Expression();
@@ -20,7 +20,7 @@ class Expression {
   [[nodiscard]] bool constant_in_time() const;
   [[nodiscard]] const std::string& text() const;
 
- private:
+private:
   struct Parser;
   std::unique_ptr<Parser> parser_;
 };

@@ -131,13 +131,13 @@ TEST(Surface, FitOfThePressureIsExactForLinearFields) {
   }
 }
 
-// The rear face of a piston stands outside the grid, nearer to the fluid than a fit ever looks: it must not take the
-// pressure of the front, which would then balance.
+// The rear face of a piston stands outside the grid, nearer to the fluid than a fit ever looks: it must not
+// take the pressure of the front, which would then balance.
 TEST(Surface, FaceOutsideTheGridCarriesNoLoad) {
   auto settings = box(24, 20, 0.1, all_walls);
   Flow flow(settings);
-  const std::vector<double> corners{-6.5, 4.2, -6.5, 9.2, -6.5, 14.2, -1.5, 14.2, 3.4, 14.2,
-                                    3.4,  9.2, 3.4,  4.2, -1.5, 4.2};
+  const std::vector<double> corners{-6.5, 4.2,  -6.5, 9.2, -6.5, 14.2, -1.5, 14.2,
+                                    3.4,  14.2, 3.4,  9.2, 3.4,  4.2,  -1.5, 4.2};
   const Outline piston = line(corners, true);
   flow.set_wet_surface(piston.nodes(), piston.connectivity);
   flow.move_wet_surface(piston.positions, piston.at_rest(), 1.0);
