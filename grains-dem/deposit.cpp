@@ -205,15 +205,17 @@ void deposit(const GrainsScene& scene, const DynamicsSettings<D>& settings, cons
       "raise porosity_tolerance: a small sample has its own scatter");
 }
 
-#define ESTUARY_DEPOSIT(D)                                                                              \
-  template InitialGrains<D> initial_grains<D>(const GrainsScene&);                                      \
-  template DynamicsSettings<D> dynamics_settings<D>(const GrainsScene&, const InitialGrains<D>&);       \
-  template std::vector<Wall<D>> scene_walls<D>(const GrainsScene&);                                     \
-  template void deposit<D>(const GrainsScene&, const DynamicsSettings<D>&, const std::vector<Wall<D>>&, \
-                           InitialGrains<D>&, const DepositMonitor&);                                   \
-  template double middle_porosity<D>(const Dynamics<D>&, const std::vector<double>&, double);
-ESTUARY_DEPOSIT(2)
-ESTUARY_DEPOSIT(3)
-#undef ESTUARY_DEPOSIT
+template InitialGrains<2> initial_grains<2>(const GrainsScene&);
+template DynamicsSettings<2> dynamics_settings<2>(const GrainsScene&, const InitialGrains<2>&);
+template std::vector<Wall<2>> scene_walls<2>(const GrainsScene&);
+template void deposit<2>(const GrainsScene&, const DynamicsSettings<2>&, const std::vector<Wall<2>>&,
+                         InitialGrains<2>&, const DepositMonitor&);
+template double middle_porosity<2>(const Dynamics<2>&, const std::vector<double>&, double);
+template InitialGrains<3> initial_grains<3>(const GrainsScene&);
+template DynamicsSettings<3> dynamics_settings<3>(const GrainsScene&, const InitialGrains<3>&);
+template std::vector<Wall<3>> scene_walls<3>(const GrainsScene&);
+template void deposit<3>(const GrainsScene&, const DynamicsSettings<3>&, const std::vector<Wall<3>>&,
+                         InitialGrains<3>&, const DepositMonitor&);
+template double middle_porosity<3>(const Dynamics<3>&, const std::vector<double>&, double);
 
 }  // namespace estuary::grains
