@@ -168,13 +168,13 @@ double settle(const GrainsScene& scene, DynamicsSettings<D> settings, std::vecto
 }  // namespace
 
 template <int D>
-void deposit(const GrainsScene& scene, const DynamicsSettings<D>& settings, const std::vector<Wall<D>>& walls,
-             InitialGrains<D>& grains, const DepositMonitor& monitor) {
+double deposit(const GrainsScene& scene, const DynamicsSettings<D>& settings,
+               const std::vector<Wall<D>>& walls, InitialGrains<D>& grains, const DepositMonitor& monitor) {
   const InitialGrains<D> start = grains;
   if (!scene.deposit.target_porosity) {
-    settle(scene, settings, walls, scene.deposit.friction.value_or(scene.constants.friction), start, monitor,
-           grains);
-    return;
+    const double friction = scene.deposit.friction.value_or(scene.constants.friction);
+    settle(scene, settings, walls, friction, start, monitor, grains);
+    return friction;
   }
   const double target = *scene.deposit.target_porosity, tolerance = scene.deposit.porosity_tolerance;
   double low = 0, high = 1;
@@ -182,7 +182,7 @@ void deposit(const GrainsScene& scene, const DynamicsSettings<D>& settings, cons
   const double densest = settle(scene, settings, walls, low, start, monitor, rest);
   if (densest > target - tolerance) {
     grains = rest;
-    if (std::abs(densest - target) <= tolerance) return;
+    if (std::abs(densest - target) <= tolerance) return low;
     throw NotConverged(
         fmt::format("even without friction the deposit has porosity {:.4f}, above {:.4f}", densest, target),
         "a wider grading packs more densely");
@@ -192,7 +192,7 @@ void deposit(const GrainsScene& scene, const DynamicsSettings<D>& settings, cons
     const double porosity = settle(scene, settings, walls, friction, start, monitor, rest);
     if (std::abs(porosity - target) <= tolerance) {
       grains = rest;
-      return;
+      return friction;
     }
     if (porosity < target && attempt == 0)
       throw NotConverged(
@@ -208,14 +208,14 @@ void deposit(const GrainsScene& scene, const DynamicsSettings<D>& settings, cons
 template InitialGrains<2> initial_grains<2>(const GrainsScene&);
 template DynamicsSettings<2> dynamics_settings<2>(const GrainsScene&, const InitialGrains<2>&);
 template std::vector<Wall<2>> scene_walls<2>(const GrainsScene&);
-template void deposit<2>(const GrainsScene&, const DynamicsSettings<2>&, const std::vector<Wall<2>>&,
-                         InitialGrains<2>&, const DepositMonitor&);
+template double deposit<2>(const GrainsScene&, const DynamicsSettings<2>&, const std::vector<Wall<2>>&,
+                           InitialGrains<2>&, const DepositMonitor&);
 template double middle_porosity<2>(const Dynamics<2>&, const std::vector<double>&, double);
 template InitialGrains<3> initial_grains<3>(const GrainsScene&);
 template DynamicsSettings<3> dynamics_settings<3>(const GrainsScene&, const InitialGrains<3>&);
 template std::vector<Wall<3>> scene_walls<3>(const GrainsScene&);
-template void deposit<3>(const GrainsScene&, const DynamicsSettings<3>&, const std::vector<Wall<3>>&,
-                         InitialGrains<3>&, const DepositMonitor&);
+template double deposit<3>(const GrainsScene&, const DynamicsSettings<3>&, const std::vector<Wall<3>>&,
+                           InitialGrains<3>&, const DepositMonitor&);
 template double middle_porosity<3>(const Dynamics<3>&, const std::vector<double>&, double);
 
 }  // namespace estuary::grains
