@@ -93,6 +93,22 @@ public:
   std::vector<std::uint32_t> isolated() const override {
     return rupture_ ? rupture_->isolated(torn()) : std::vector<std::uint32_t>{};
   }
+  bool cut_hanging(std::span<const double> displacement, std::vector<double>& history) override {
+    if (!rupture_) return false;
+    history_ = history;
+    restore();
+    bool cut = false;
+    while (rupture_->find_hanging(torn())) {
+      if (!cut) stresses<false>(displacement);
+      cut = true;
+      const double before = energy(displacement) + plastic_work();
+      break_found(displacement);
+      stresses<false>(displacement);
+      set_free(before, displacement);
+    }
+    if (cut) history = history_;
+    return cut;
+  }
   double steepening() const override { return rupture_ ? rupture_->steepening() : 1; }
   std::size_t law_history() const override { return Law::history_size; }
   NamedValues totals(const State&) const override {
@@ -269,24 +285,33 @@ private:
   // Breaks links that are past their limits; forces are then those without them.
   void tear(std::span<const double> displacement, std::span<const double> velocity, std::uint64_t step) {
     constexpr std::size_t size = Law::history_size;
-    const std::size_t n = body_.size();
-    const std::span<double> own = std::span<double>(history_).subspan(size * n);
     if (!rupture_->find_overloaded(displacement,
-                                   {.stress = fields_.stress, .law = history_, .law_size = size}, own))
+                                   {.stress = fields_.stress, .law = history_, .law_size = size}, torn()))
       return;
-    ++tears_;
     const double before = energy(displacement) + plastic_work();
+    break_found(displacement);
+    const std::vector<double> whole = fields_.force;
+    sweep<false>(displacement, velocity, step);
+    // Up to here the links held: the kick about this instant is half theirs. (With the new forces alone
+    // bodies gain energy at first order in the step.)
+    for (std::size_t c = 0; c < whole.size(); ++c) fields_.force[c] = 0.5 * (fields_.force[c] + whole[c]);
+    set_free(before, displacement);
+  }
+  // Breaks the links that have been found.
+  void break_found(std::span<const double> displacement) {
+    constexpr std::size_t size = Law::history_size;
+    const std::span<double> own = std::span<double>(history_).subspan(size * body_.size());
+    ++tears_;
     for (const std::uint32_t i :
          rupture_->break_links(displacement, fields_.deformation_gradient, kHistory, own))
       if constexpr (kHistory)
         std::copy(Law::kRest.begin(), Law::kRest.begin() + 4,
                   history_.begin() + static_cast<std::ptrdiff_t>(size * i));
     fields_.base = rupture_->base().data();
-    const std::vector<double> whole = fields_.force;
-    sweep<false>(displacement, velocity, step);
-    // Up to here the links held: the kick about this instant is half theirs. (With the new forces alone
-    // bodies gain energy at first order in the step.)
-    for (std::size_t c = 0; c < whole.size(); ++c) fields_.force[c] = 0.5 * (fields_.force[c] + whole[c]);
+  }
+  // What a break has left of the energy that was there `before`, counted.
+  void set_free(double before, std::span<const double> displacement) {
+    const std::span<double> own = std::span<double>(history_).subspan(Law::history_size * body_.size());
     rupture_->set_free(before - energy(displacement) - plastic_work(), own);
   }
   // Both sweeps for a state on the way.

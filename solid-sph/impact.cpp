@@ -227,6 +227,17 @@ std::vector<std::uint32_t> ImpactSolver::isolated() const {
   return result;
 }
 
+bool ImpactSolver::cut_hanging(std::span<const double> displacement, std::vector<double>& history) {
+  if (!solid_) return false;
+  spread_history(history);
+  copy_out(solid_particle_, displacement, solid_displacement_);
+  std::vector<double> own = solid_->history();
+  if (!solid_->cut_hanging(solid_displacement_, own)) return false;
+  solid_->set_history(own);
+  history = history_ = gathered_history();
+  return true;
+}
+
 double ImpactSolver::kinetic_energy(const State& state) const {
   const double sum = Solver::kinetic_energy(state);
   return rows_ ? sum + rows_->kinetic_energy({state.history.data(), row_history_.size()}) : sum;

@@ -46,6 +46,7 @@ public:
   double kinetic_energy(const State& state) const override;
   double spin(const State& state) const override;
   std::vector<std::uint32_t> isolated() const override;
+  bool cut_hanging(std::span<const double> displacement, std::vector<double>& history) override;
   const ShellRow* shells() const override { return rows_ ? &*rows_ : nullptr; }
   double held_moment() const override { return rows_ ? rows_->held_moment() : 0; }
   std::array<double, 16> tangent_at(std::size_t particle) const override;

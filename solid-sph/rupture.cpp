@@ -297,6 +297,21 @@ bool Rupture::find_overloaded(std::span<const double> u, const Loads& loads,
   return !candidates_.empty();
 }
 
+bool Rupture::find_hanging(std::span<const double> history) {
+  candidates_.clear();
+  for (std::uint32_t i = 0; i < body_.size(); ++i) {
+    if (isolated_[i] == 0) continue;
+    std::uint32_t last = 0, links = 0;
+    for (std::uint32_t k = whole_.first[i]; k < whole_.first[i + 1]; ++k) {
+      if (!intact(history, k)) continue;
+      last = k;
+      ++links;
+    }
+    if (links == 1) candidates_.push_back({1, last, i, whole_.neighbour[last]});
+  }
+  return !candidates_.empty();
+}
+
 std::span<const std::uint32_t> Rupture::break_links(std::span<const double> u,
                                                     const std::vector<double>& deformation, bool plastic,
                                                     std::span<double> history) {

@@ -59,6 +59,8 @@ public:
   /// Finds the links that are past their limits. Returns whether there are any.
   bool find_overloaded(std::span<const double> displacement, const Loads& loads,
                        std::span<const double> history);
+  /// Finds the last links of particles that hang on one and carry nothing. Returns whether there are any.
+  bool find_hanging(std::span<const double> history);
   /// Breaks those, of links that share an end the worst. Returns the particles that carry nothing more, some
   /// perhaps twice.
   std::span<const std::uint32_t> break_links(std::span<const double> displacement,
@@ -70,7 +72,8 @@ public:
   /// the largest of V_i (sum_j |g_ij|^2 / m_j + |sum_j g_ij|^2 / m_i) over that at rest of the same member.
   /// Half a straight crack's volume makes up for its gradients; ragged ones may be steeper.
   [[nodiscard]] double steepening() const { return steepening_; }
-  /// Particles without any link, of the history last applied. Who hangs on one still feels it.
+  /// Particles without any link, of the history last applied. Who hangs on one still feels it, until it is
+  /// cut.
   [[nodiscard]] std::vector<std::uint32_t> isolated(std::span<const double> history) const;
   [[nodiscard]] TornContours torn_contours(std::span<const double> history) const;
   /// Broken links, isolated particles, their mass [kg/m].

@@ -91,6 +91,7 @@ void Solid::integrate(const Window& window, const Monitor& monitor) {
 }
 
 void Solid::remove_isolated() {
+  solver_->cut_hanging(state_.displacement, state_.history);
   const ShellRow* rows = solver_->shells();
   for (const std::uint32_t i : solver_->isolated()) {
     if (!state_.removed.empty() && state_.removed[i] != 0) continue;

@@ -169,7 +169,7 @@ struct SolidScene {
   bool meets_surface = false;
   double window = 0;             // [s]
   double end_time = 0;           // [s]
-  bool remove_isolated = false;  // particles without a link; else they fly on
+  bool remove_isolated = false;  // particles without a link or, in solids, on one; else they fly on
 
   [[nodiscard]] bool plastic() const { return law == LawName::j2_plasticity; }
   /// Whether the volume of a body hardly gives way where its shape does; see Box::even.

@@ -118,6 +118,13 @@ public:
   /// Particles without a link, in the state last reached. `advance` leaves those alone that State::removed
   /// names.
   [[nodiscard]] virtual std::vector<std::uint32_t> isolated() const { return {}; }
+  /// Cuts the last link of particles that hang on one and carry nothing, and of those that then do; what it
+  /// held is set free. `history` becomes that after the cuts. Returns whether there were any.
+  virtual bool cut_hanging(std::span<const double> displacement, std::vector<double>& history) {
+    static_cast<void>(displacement);
+    static_cast<void>(history);
+    return false;
+  }
 
   /// Before the first `advance` of a window.
   virtual void begin_window() {}

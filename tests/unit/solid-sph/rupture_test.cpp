@@ -457,6 +457,86 @@ TEST_P(IsolatedParticles, AreRemovedAndAccountedFor) {
   }
 }
 
+// A crack leaves a corner on one link, or the last two particles of a side on a chain of two: nothing holds
+// the end of a chain, and then nothing its next one.
+TEST(Rupture, WhatHangsOnOneLinkIsRemovedToo) {
+  struct Case {
+    const char *law, *crack, *body;
+    int particles;
+  };
+  const char* const corner = "[[0.345, 0.362], [0.45, 0.34]]";
+  const char* const chain = "[[0.21, 0.35], [0.45, 0.35]]";
+  for (const auto& [law, crack, name, particles] :
+       {Case{"law = \"neo_hooke\"", corner, "", 1}, Case{"law = \"neo_hooke\"", chain, "", 2},
+        Case{"law = \"j2_plasticity\"\nyield_stress = 1e5", chain, "", 2},
+        Case{"law = \"neo_hooke\"", chain, "name = \"block\"\n", 2}}) {
+    const bool meets = name[0] != 0;
+    const auto scene = [&, material = law, line = crack, body = name](const std::string& fate) {
+      return std::string(R"(
+dimension = 2
+[coupling]
+mode = "transient"
+window = 1e-4
+end_time = 1
+[[watch]]
+name = "all"
+participant = "solid"
+[solid]
+spacing = 0.1
+density = 1000
+young_modulus = 1e6
+poisson_ratio = 0.3
+isolated_particles = ")") +
+             fate + "\"\n" + material + "\n" + (meets ? "[[solid.body]]\n" : "") + body +
+             "box = { from = [0, 0], to = [0.4, 0.4] }\n" +
+             "velocity = [\"10 * y\", \"20 * x * x\"]\nrupture = { stretch = 10, crack = " + line + " }\n" +
+             (meets ? R"(
+[[solid.body]]
+name = "wall"
+kind = "rigid"
+box = { from = [0.5, -1], to = [0.8, 1] }
+mass = 1
+held = ["x", "y", "rotation"]
+[solid.contact]
+method = "pinball"
+)"
+                    : "");
+    };
+    test::RunningScene flies(scene("fly_on"), 1e-4), removed(scene("remove"), 1e-4),
+        twice(scene("remove"), 1e-4), later(scene("remove"), 1e-4);
+    flies.run(1);
+    removed.run(1);
+    // The middle of a chain carries nothing either.
+    ASSERT_EQ(flies.value("all", "isolated_particles"), particles) << crack;
+    ASSERT_EQ(removed.value("all", "removed_particles"), particles) << crack;
+    EXPECT_EQ(removed.value("all", "broken_links"), flies.value("all", "broken_links") + particles);
+    EXPECT_NEAR(removed.value("all", "removed_mass"), 1000 * (particles * 0.005 - 0.0025), 1e-12);
+    // Until here both went the same way: what was removed and cut is all that tells them apart.
+    for (const char* sum : {"momentum_x", "momentum_y", "angular_momentum"})
+      EXPECT_NEAR(removed.value("all", sum) + removed.value("all", std::string("removed_") + sum),
+                  flies.value("all", sum), 1e-12)
+          << sum;
+    EXPECT_GT(removed.value("all", "fracture_work"), 0);
+    EXPECT_NEAR(removed.value("all", "total_energy") / flies.value("all", "total_energy"), 1, 1e-14);
+    const double x = removed.value("all", "momentum_x"), energy = removed.value("all", "total_energy"),
+                 spin = removed.value("all", "angular_momentum");
+    removed.save();
+    later.run(1);
+    later.go_on_from(removed);
+    removed.run(9);
+    later.run(9);
+    twice.run(10, true);
+    EXPECT_EQ(removed.value("all", "removed_particles"), particles);
+    EXPECT_NEAR(removed.value("all", "momentum_x"), x, 1e-12);
+    EXPECT_NEAR(removed.value("all", "angular_momentum"), spin, 1e-12);
+    EXPECT_NEAR(removed.value("all", "total_energy") / energy, 1, 1e-3);
+    for (const char* quantity : {"kinetic_energy", "total_energy", "removed_energy", "fracture_work"}) {
+      EXPECT_EQ(removed.value("all", quantity), later.value("all", quantity)) << quantity;
+      EXPECT_EQ(removed.value("all", quantity), twice.value("all", quantity)) << quantity;
+    }
+  }
+}
+
 INSTANTIATE_TEST_SUITE_P(Of, IsolatedParticles, testing::Values("shell", "solid", "impact"),
                          [](const auto& each) { return std::string(each.param); });
 
