@@ -16,6 +16,8 @@ void read_rupture(SceneTable& table, BodyScene& body) {
       rupture->has("crack") ? rupture->points("crack", 2) : std::vector<double>{};
   for (std::size_t k = 0; k + 3 < points.size(); k += 2)
     body.cracks.push_back({points[k], points[k + 1], points[k + 2], points[k + 3]});
+  if (rupture->has("crack") && body.cracks.empty() && !points.empty())
+    rupture->problem("crack", "needs at least two points");
   if (!body.cracks.empty() && body.shape == Shape::polyline)
     rupture->problem("crack", "is of solids: a line that no link crosses");
   if (body.rupture.plastic_strain > 0 && body.material.plasticity.yield.empty())

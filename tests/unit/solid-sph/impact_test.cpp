@@ -618,6 +618,108 @@ TEST(Impact, ThreadsDoNotChangeABitOfRiemannProblemsNorOfMovingLeastSquares) {
   }
 }
 
+// Every key of contact and rupture: the ends of its range are read, what lies beyond is refused with the
+// range and its line.
+struct Limit {
+  const char *what, *with, *message;  // no message: it is read
+};
+class ContactAndRupture : public testing::TestWithParam<Limit> {};
+
+TEST_P(ContactAndRupture, AreReadWithinTheirRanges) {
+  const std::string bodies = R"(title = "limits"
+dimension = 2
+[coupling]
+mode = "transient"
+window = 1e-4
+end_time = 1
+[solid]
+solver = "solid-sph"
+spacing = 0.1
+density = 1000
+young_modulus = 1e6
+poisson_ratio = 0.3
+# more
+[[solid.body]]
+name = "lower"
+box = { from = [0, 0], to = [0.4, 0.4] }
+# lower
+[[solid.body]]
+name = "upper"
+box = { from = [0, 1], to = [0.4, 1.4] }
+[[solid.body]]
+name = "strip"
+kind = "shell"
+polyline = [[0, 2], [0.4, 2]]
+thickness = 0.02
+# strip
+[solid.contact]
+method = "pinball"
+)";
+  const auto [what, with, message] = GetParam();
+  std::string text = replaced(bodies, what, with);
+  if (text.find("penalty") != std::string::npos) {
+    const std::size_t strip = text.find("[[solid.body]]\nname = \"strip\"");
+    text.erase(strip, text.find("[solid.contact]") - strip);
+  }
+  Scene scene = Scene::parse(text, "scene.toml");
+  Solid solid;
+  solid.configure(scene, "solid");
+  if (message == nullptr) {
+    for (const auto& problem : scene.problems()) ADD_FAILURE() << describe("scene.toml", problem);
+    return;
+  }
+  std::string said;
+  for (const auto& problem : scene.problems()) said += describe("scene.toml", problem) + "\n";
+  EXPECT_NE(said.find(message), std::string::npos) << said;
+  EXPECT_EQ(said.find("scene.toml:"), 0U) << said;
+}
+
+const char* const kPinball = "method = \"pinball\"\n";
+INSTANTIATE_TEST_SUITE_P(
+    Keys, ContactAndRupture,
+    testing::Values(
+        Limit{kPinball, "method = \"pinball\"\npenetration_correction = 0\nfriction = 0\n", nullptr},
+        Limit{kPinball, "method = \"pinball\"\npenetration_correction = 1\nfriction = 10\n", nullptr},
+        Limit{kPinball, "method = \"pinball\"\npenetration_correction = -0.01\n",
+              "'penetration_correction' in [solid.contact] is -0.01; must be from 0 to 1"},
+        Limit{kPinball, "method = \"pinball\"\npenetration_correction = 1.01\n",
+              "'penetration_correction' in [solid.contact] is 1.01; must be from 0 to 1"},
+        Limit{kPinball, "method = \"pinball\"\nfriction = -0.1\n",
+              "'friction' in [solid.contact] is -0.1; must be from 0 to 10"},
+        Limit{kPinball, "method = \"pinball\"\nfriction = 10.1\n",
+              "'friction' in [solid.contact] is 10.1; must be from 0 to 10"},
+        Limit{kPinball, "method = \"pinball\"\nnormals = \"balls\"\n",
+              "expected one of contour, centre_line"},
+        Limit{kPinball, "method = \"pinball\"\nstiffness = 1\n", "is of method = \"penalty\""},
+        Limit{kPinball, "method = \"pinball\"\nrigid_modulus = 1\n", "is of method = \"penalty\""},
+        Limit{kPinball, "method = \"magnets\"\n", "expected one of penalty, pinball"},
+        Limit{kPinball, "method = \"penalty\"\nstiffness = 1e-3\nrigid_modulus = 1\n", nullptr},
+        Limit{kPinball, "method = \"penalty\"\nstiffness = 1e3\n", nullptr},
+        Limit{kPinball, "method = \"penalty\"\nstiffness = 0.9e-3\n", "must be from 0.001 to 1000"},
+        Limit{kPinball, "method = \"penalty\"\nstiffness = 1001\n", "must be from 0.001 to 1000"},
+        Limit{kPinball, "method = \"penalty\"\nrigid_modulus = 0\n", "'rigid_modulus'"},
+        Limit{kPinball, "method = \"penalty\"\nfriction = 0.1\n", "friction"},
+        Limit{kPinball, "method = \"penalty\"\npenetration_correction = 0.1\n", "penetration_correction"},
+        Limit{"# lower\n", "rupture = { stretch = 1, energy = 1, crack = [[0, 0.25], [0.4, 0.25]] }\n",
+              nullptr},
+        Limit{"# lower\n", "rupture = { stretch = -1, energy = 1 }\n",
+              "'stretch' in [solid.body.0.rupture] is -1; must be at least 0"},
+        Limit{"# lower\n", "rupture = { stretch = 1, energy = -1 }\n",
+              "'energy' in [solid.body.0.rupture] is -1; must be at least 0"},
+        Limit{"# lower\n", "rupture = { stretch = 1, plastic_strain = -1 }\n",
+              "'plastic_strain' in [solid.body.0.rupture] is -1; must be at least 0"},
+        Limit{"# lower\n", "rupture = { plastic_strain = 1 }\n", "`yield_stress`"},
+        Limit{"# lower\n", "rupture = { shear = 0.1 }\n", "is of shells, whose links"},
+        Limit{"# lower\n", "rupture = { stretch = 0, energy = 0 }\n", "give at least one of"},
+        Limit{"# lower\n", "rupture = { stretch = 1, crack = [[0, 0.25]] }\n", "at least two points"},
+        Limit{"# lower\n", "rupture = { stretch = 1, streching = 1 }\n", "streching"},
+        Limit{"# strip\n", "rupture = { shear = 0.1 }\n", nullptr},
+        Limit{"# strip\n", "rupture = { shear = -0.1, energy = 1 }\n",
+              "'shear' in [solid.body.2.rupture] is -0.1; must be at least 0"},
+        Limit{"# strip\n", "rupture = { shear = 0.1, crack = [[0.1, 1], [0.1, 3]] }\n",
+              "a line that no link crosses"},
+        Limit{"# more\n", "isolated_particles = \"remove\"\n", "is of bodies with `rupture`"}));
+
 TEST(Impact, SaysWhatAFluidDoesNotHave) {
   const std::string text = with_spacing(column_scene(1, 0.0125, kRigidPlate) + "stress_points = 1\n") + R"(
 [[solid.hold]]

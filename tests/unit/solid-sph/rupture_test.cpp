@@ -323,6 +323,41 @@ TEST(Rupture, ALinkOfAShellBreaksAtItsShearStrain) {
   }
 }
 
+// k G h = 22.66 MN/m, and the section bears 173.2 kN/m.
+TEST(Rupture, TellsTheForceOfALimitOnShear) {
+  for (const auto& [limit, message] :
+       {std::pair{"1e-3",
+                  "2.266e+04 N/m, k G h times the shear strain 0.001, 0.131 of what the section bears"},
+        std::pair{"0.2",
+                  "1.732e+05 N/m, at which the section flows from a shear strain of 0.00764 to 0.2"}}) {
+    Scene scene = Scene::parse(std::string(R"(
+title = "limit"
+dimension = 2
+[coupling]
+mode = "transient"
+window = 1e-6
+end_time = 1e-3
+[solid]
+solver = "solid-sph"
+kind = "shell"
+polyline = [[0.0, 0.0], [0.03, 0.0]]
+thickness = 0.001
+spacing = 0.002
+density = 2800.0
+young_modulus = 7.233e10
+poisson_ratio = 0.33
+law = "j2_plasticity"
+yield_stress = 300e6
+rupture = { shear = )") + limit + " }\n",
+                               "scene.toml");
+    Solid solid;
+    std::string said;
+    for (const auto& [name, value] : solid.configure(scene, "solid").derived)
+      if (name.find("breaks under a shear force") != std::string::npos) said = value;
+    EXPECT_EQ(said, message);
+  }
+}
+
 TEST(Rupture, RefusesACrackThatBreaksNothing) {
   const auto refusal = [](const std::string& crack) -> std::string {
     try {
