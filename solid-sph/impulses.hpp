@@ -33,6 +33,14 @@ struct ContactRow {
     normal[count] = along_normal;
     tangent[count++] = along_tangent;
   }
+  void add_tangent(std::uint32_t which, double along_tangent) {
+    for (std::uint32_t k = 0; k < count; ++k)
+      if (freedom[k] == which) {
+        tangent[k] += along_tangent;
+        return;
+      }
+    add(which, 0, along_tangent);
+  }
 };
 
 class ImpulseSolver {

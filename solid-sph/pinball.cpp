@@ -200,6 +200,20 @@ void Pinball::add_row(std::uint32_t point, const Segment& segment, double share,
   attach(row, point, 1, nx, ny, -on_point, x);
   if (share < 1) attach(row, segment.a, share - 1, nx, ny, on_surface, x);
   if (share > 0) attach(row, segment.b, -share, nx, ny, on_surface, x);
+  if (settings_.friction) reach_out(row, segment, reach - on_point - on_surface, x);
+}
+
+// As if the piece were rigid: where it reaches to, its turning moves too.
+void Pinball::reach_out(ContactRow& row, const Segment& segment, double arm, std::span<const double> x) {
+  if (segment.a == segment.b || rigid_of_[segment.a] != kNone || arm == 0) return;
+  const double *a = &x[2 * segment.a], *b = &x[2 * segment.b];
+  const double ex = b[0] - a[0], ey = b[1] - a[1], l2 = ex * ex + ey * ey;
+  if (!(l2 > 0)) return;
+  for (std::uint32_t c = 0; c < 2; ++c) {
+    const double turn = (c == 0 ? -ey : ex) * arm / l2;
+    row.add_tangent(2 * segment.a + c, turn);
+    row.add_tangent(2 * segment.b + c, -turn);
+  }
 }
 
 // Against the pieces of one or several surfaces, each along its own normal.

@@ -8,8 +8,9 @@
 // of a surface) are kept in a list with a margin, so that a step tests only those; a candidate makes a row
 // when the surfaces may touch within the step. Friction acts on the faces of shells, half a thickness from
 // their particles, and so turns their fibres; what is left of the way between particle and contour, a gap,
-// turns a rigid body if there is one, else the shells: angular momentum is kept then, between solids to the
-// gap times the friction.
+// turns a rigid body if there is one, else the shells, else, between solids, the piece of contour: it is met
+// where the particle is, as if it reached so far out, and a couple across its two ends carries the moment.
+// Angular momentum is kept, but between two balls that a tear has exposed, which are single particles.
 #pragma once
 
 #include <array>
@@ -83,6 +84,8 @@ private:
   /// Friction acts `arm` along the normal from the particle.
   void attach(ContactRow& row, std::uint32_t particle, double weight, double nx, double ny, double arm,
               std::span<const double> x) const;
+  /// Friction on the surface acts `arm` off the piece, towards the point.
+  void reach_out(ContactRow& row, const Segment& segment, double arm, std::span<const double> x);
   /// Of friction on the point and on the surface, from where each is, towards the other.
   [[nodiscard]] std::array<double, 2> arms(std::uint32_t point, const Segment& segment, double reach) const;
 

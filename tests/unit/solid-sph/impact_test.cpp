@@ -448,6 +448,71 @@ participant = "solid"
   }
 }
 
+// The same of solids, whose particles do not turn: faces and a corner, and balls along the line of centres,
+// which are a spacing apart.
+TEST(Impact, FrictionOnSolidsKeepsAngularMomentum) {
+  const std::string block = R"(
+[[solid.body]]
+name = "upper"
+box = { from = [-0.021, 0.0003], to = [0.019, 0.0203] }
+density = 2700
+young_modulus = 2e9
+poisson_ratio = 0.3
+velocity = ["25", "-10"]
+)",
+                    tip = R"(
+[[solid.body]]
+name = "upper"
+polygon = [[0.001, 0.0003], [0.02, 0.03], [-0.02, 0.03]]
+density = 2700
+young_modulus = 2e9
+poisson_ratio = 0.3
+velocity = ["25", "-10"]
+)";
+  for (const std::string& upper : {block, tip})
+    for (const std::string normals : {"contour", "centre_line"}) {
+      test::RunningScene run(R"(
+dimension = 2
+[coupling]
+mode = "transient"
+window = 2e-6
+end_time = 1
+[solid]
+spacing = 0.005
+[[solid.body]]
+name = "lower"
+polygon = [[-0.05, -0.041], [0.05, -0.04], [0.051, 0.002], [-0.05, 0]]
+density = 2700
+young_modulus = 5e9
+poisson_ratio = 0.3
+)" + upper + R"(
+[solid.contact]
+method = "pinball"
+friction = 0.3
+normals = ")" + normals + R"("
+[[watch]]
+name = "all"
+participant = "solid"
+[[watch]]
+name = "lower"
+participant = "solid"
+body = "lower"
+)",
+                             2e-6);
+      run.run(1);
+      const double spin = run.value("all", "angular_momentum"), x = run.value("all", "momentum_x"),
+                   y = run.value("all", "momentum_y"), energy = run.value("all", "total_energy");
+      run.run(60);
+      EXPECT_GT(run.value("all", "contact_time"), 1e-5) << normals << upper;
+      // It has dragged the other one along.
+      EXPECT_GT(run.value("lower", "momentum_x"), 0.01 * x) << normals << upper;
+      EXPECT_NEAR(run.value("all", "momentum_x"), x, 1e-12 * std::abs(x)) << normals << upper;
+      EXPECT_NEAR(run.value("all", "momentum_y"), y, 1e-12 * std::abs(x)) << normals << upper;
+      EXPECT_NEAR(run.value("all", "angular_momentum"), spin, 1e-12 * std::abs(spin)) << normals << upper;
+      EXPECT_NEAR(run.value("all", "total_energy") / energy, 1, 0.01) << normals << upper;
+    }
+}
+
 // The harder of two bodies brings the surface, shell or solid: the soft block's tip meets the plate between
 // two of its particles, where these would have met nothing.
 TEST(Impact, TheSoftTipOfASolidMeetsAShellBetweenItsParticles) {
