@@ -77,6 +77,8 @@ private:
   std::vector<double> virtual_mass_, virtual_inertia_, acceleration_, turning_;
   std::vector<double> kept_acceleration_, kept_turning_;
   Cement<D> cement_;
+  // What the search for a porosity found.
+  std::optional<double> deposit_friction_, deposit_porosity_;
   Vector<D> fluid_force_{};
   mutable double first_contact_ = -1;  // found while watching [s]
   StepLimit limit_;

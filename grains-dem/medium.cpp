@@ -43,7 +43,10 @@ GranularMedium<D>::GranularMedium(const GrainsScene& scene, const v1::WetSurface
   } else if (surface) {
     throw std::invalid_argument("grains next to a solid's wet surface are for two dimensions");
   }
-  if (scene.deposit.active) deposit(scene, settings, walls, grains, monitor);
+  if (scene.deposit.active) {
+    const double friction = deposit(scene, settings, walls, grains, monitor);
+    if (scene.deposit.target_porosity) deposit_friction_ = friction;
+  }
   check_placement(settings, walls, grains);
   mass_ = grains.mass;
   add_virtual_mass(grains);
@@ -55,6 +58,8 @@ GranularMedium<D>::GranularMedium(const GrainsScene& scene, const v1::WetSurface
       step_limit_of(scene, *std::min_element(mass_.begin(), mass_.end()),
                     *std::min_element(grains.radius.begin(), grains.radius.end()) - scene.contact_margin);
   dynamics_.emplace(std::move(settings), grains, std::move(walls));
+  if (deposit_friction_)
+    deposit_porosity_ = middle_porosity(*dynamics_, scene.deposit.gravity, scene.contact_margin);
   const auto any = [](const std::vector<std::vector<Expression>>& motion) {
     return std::any_of(motion.begin(), motion.end(), [](const auto& parts) { return !parts.empty(); });
   };

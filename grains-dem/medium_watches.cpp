@@ -179,6 +179,10 @@ WatchedValues GranularMedium<D>::watch_totals() const {
   for (const auto& record : contacts)
     if (!record.with_wall && first_contact_ < 0) first_contact_ = state.time;
   values.emplace_back("first_contact_time", first_contact_);
+  if (deposit_friction_) {
+    values.emplace_back("deposit_friction", *deposit_friction_);
+    values.emplace_back("deposit_porosity", *deposit_porosity_);
+  }
   if (scene_.cement.model != CementScene::Model::none) {
     values.emplace_back("cement_saturation", cement_.saturation);
     values.emplace_back("cemented_porosity", cement_.porosity);

@@ -252,6 +252,21 @@ TEST(Deposit, FindsTheFrictionOfATargetPorosity) {
   }
 }
 
+TEST(Deposit, TellsTheFrictionItFound) {
+  const std::string heap =
+      replaced(kHeap, "[[watch]]",
+               "[grains.deposit]\ngravity = [0, -9.81]\nend_time = 5.0\ntarget_porosity = "
+               "0.18\nporosity_tolerance = 0.01\n[[watch]]");
+  Running found(heap);
+  const auto result = found.step(1);
+  const double friction = value_of(result, "all", "deposit_friction");
+  EXPECT_NEAR(value_of(result, "all", "deposit_porosity"), 0.18, 0.01);
+  // Given that friction, the same grains lie at the same places.
+  Running given(replaced(heap, "target_porosity = 0.18\nporosity_tolerance = 0.01",
+                         fmt::format("friction = {}", friction)));
+  EXPECT_EQ(value_of(given.step(1), "all", "centre_y"), value_of(result, "all", "centre_y"));
+}
+
 TEST(Audit, IsThereAtTheEndWhetherOrNotItIsWatched) {
   Running run(replaced(kHeap, "end_time = 1.0", "end_time = 0.03"));
   EXPECT_FALSE(run.step(1).work.energy_error.has_value());
