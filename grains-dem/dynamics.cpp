@@ -16,8 +16,10 @@ ListSettings list_settings(const DynamicsSettings<D>& settings, double smallest,
   (void)largest;
   ListSettings list;
   list.skin = settings.skin;
-  if (settings.lubrication.active())
-    list.range = std::max(0.0, settings.lubrication.cutoff - 2 * settings.lubrication.margin);
+  if (settings.lubrication.active()) {
+    list.range = settings.lubrication.range_of_pair();
+    list.plane_range = settings.lubrication.range_at_plane();
+  }
   if (settings.bond_law.active) list.range = std::max(list.range, settings.bond_law.distance);
   list.history_size = history_size_of<D>(settings.law);
   std::size_t next = 0;
@@ -254,9 +256,12 @@ void Dynamics<D>::evaluate(double dt) {
       law_.sweep_pairs(input_, b, state_, cross_, block_ledger_[b]);
       if (settings_.lubrication.active())
         sweep_lubrication(settings_.lubrication, input_, b, state_, cross_, block_ledger_[b]);
-      if (first_wall_contact_[b] != first_wall_contact_[b + 1])
-        sweep_walls(law_, dt, input_.lag, walls_, b, first_wall_contact_, state_, wall_force_,
-                    block_ledger_[b]);
+      if (first_wall_contact_[b] == first_wall_contact_[b + 1]) continue;
+      sweep_walls(law_, dt, input_.lag, walls_, b, first_wall_contact_, state_, wall_force_,
+                  block_ledger_[b]);
+      if (settings_.lubrication.active())
+        sweep_plane_lubrication(settings_.lubrication, dt, input_.lag, walls_, b, first_wall_contact_, state_,
+                                wall_force_, block_ledger_[b]);
     }
   });
   for (std::size_t b = 0; b < blocks; ++b) state_.ledger += block_ledger_[b];
@@ -383,6 +388,14 @@ Spin<D> Dynamics<D>::wall_torque(std::size_t wall) const {
     // A rolling resistance is felt too.
     sum = sum - arm_times_force(at - walls_[wall].pivot, record.force.vector(record.kinematics.normal)) -
           record.force.moment;
+  }
+  if (!settings_.lubrication.active() || !walls_[wall].is_plane()) return sum;
+  for (const WallContact& contact : state_.wall_contact) {
+    if (contact.wall != wall) continue;
+    const Vector<D> x = load<D>(state_.position.data(), contact.grain);
+    // A film pushes along the normal through the grain's centre.
+    sum = sum - arm_times_force(x - walls_[wall].pivot,
+                                plane_film_force(settings_.lubrication, walls_[wall], state_, contact.grain));
   }
   return sum;
 }

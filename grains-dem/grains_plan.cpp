@@ -60,6 +60,13 @@ std::string walls_of(const GrainsScene& scene) {
   return fmt::format("{}", fmt::join(parts, ", "));
 }
 
+// The first wall at which lubrication does not act.
+std::string walls_without_film(const GrainsScene& scene) {
+  for (const WallScene& wall : scene.walls)
+    if (!wall.is_plane()) return fmt::format("the wall '{}'", wall.name);
+  return scene.coupled_to_solid ? "the solid" : "";
+}
+
 // Places the grains, which says when they do not fit.
 template <int D>
 void check_beginning(const GrainsScene& scene, Plan& plan) {
@@ -194,7 +201,15 @@ Plan plan_of(const GrainsScene& scene) {
   if (scene.law.rolling == RollingLaw::none) plan.left_out.emplace_back("rolling resistance");
   if (!scene.law.cohesive) plan.left_out.emplace_back("cohesion");
   if (!scene.bond.active) plan.left_out.emplace_back("bonds");
-  if (!scene.lubrication.active()) plan.left_out.emplace_back("lubrication");
+  if (scene.lubrication.active())
+    add("lubrication", fmt::format("below {:.3g} m between grains and at planes", scene.lubrication.cutoff));
+  else
+    plan.left_out.emplace_back("lubrication");
+  if (const std::string bare = walls_without_film(scene); scene.lubrication.active() && !bare.empty())
+    plan.warnings.push_back(
+        fmt::format("lubrication acts between grains and at planes, not at polylines, meshes and wet "
+                    "surfaces: {} has none",
+                    bare));
   if (scene.cement.model == CementScene::Model::none)
     plan.left_out.emplace_back("cement");
   else if (!scene.coupled_to_fluid)

@@ -57,6 +57,8 @@ struct WallScene {
   std::vector<std::string> spin;      // about `pivot`, likewise
   std::vector<double> pivot;
   ContactConstants constants;
+
+  [[nodiscard]] bool is_plane() const { return polyline.empty() && mesh.triangle.empty(); }
 };
 
 enum class WatchKind { totals, grain, region, wall };

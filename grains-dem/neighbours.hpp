@@ -48,7 +48,8 @@ struct CrossForces {
 
 struct ListSettings {
   double skin = 0;               // [m]
-  double range = 0;              // reach of forces beyond touching (lubrication) [m]
+  double range = 0;              // reach of forces beyond touching (lubrication, bonds) [m]
+  double plane_range = 0;        // the same at plane walls [m]
   std::size_t history_size = 0;  // numbers kept per pair
   // What becomes of them when the two grains change roles: a stretch along the tangent of the plane and a
   // pivoting angle stay, stretches and rolling angles in space change sign.

@@ -46,12 +46,15 @@ StepLimit step_limit_of(const GrainsScene& scene, double mass, double radius) {
     lower(0.2 * grain_inertia(scene.dimension, mass, radius) / scene.constants.rolling_damping,
           "rolling damping");
   if (scene.lubrication.active()) {
-    const double ratio = 0.5 * radius / scene.lubrication.minimum_gap;
-    const double resistance =
-        scene.dimension == 2
-            ? 3 * std::numbers::sqrt2 * pi * scene.lubrication.viscosity * std::pow(ratio, 1.5)
-            : 6 * pi * scene.lubrication.viscosity * ratio * 0.5 * radius;
-    lower(0.2 * pair_mass / resistance, "lubrication at the smallest gap");
+    const auto resistance = [&](double reduced_radius) {
+      const double gap = scene.lubrication.minimum_gap;
+      return scene.dimension == 2 ? film_resistance<2>(scene.lubrication, reduced_radius, gap)
+                                  : film_resistance<3>(scene.lubrication, reduced_radius, gap);
+    };
+    lower(0.2 * pair_mass / resistance(0.5 * radius), "lubrication at the smallest gap");
+    const bool planes = std::any_of(scene.walls.begin(), scene.walls.end(),
+                                    [](const WallScene& wall) { return wall.is_plane(); });
+    if (planes) lower(0.2 * mass / resistance(radius), "lubrication at the smallest gap to a plane");
   }
   if (scene.time_step) lower(*scene.time_step, "time_step of the scene");
   return limit;

@@ -202,7 +202,7 @@ void rebuild_wall_contacts(const std::vector<Wall<D>>& walls, const ListSettings
       const double reach = state.radius[i] + settings.skin + wall.reach;
       const auto near_begin = static_cast<std::uint32_t>(state.wall_facet.size());
       if (wall.is_plane()) {
-        if (dot(x - wall.point, wall.normal) >= reach) continue;
+        if (dot(x - wall.point, wall.normal) >= reach + settings.plane_range) continue;
       } else {
         for (const std::uint32_t f : grids[w]->near(x))
           if (norm(x - nearest_on_facet(wall, f, x)) < reach) state.wall_facet.push_back(f);

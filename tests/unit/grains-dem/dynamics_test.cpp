@@ -165,5 +165,135 @@ TEST(Lubrication, SlowsAnApproachByReynoldsLaw) {
   EXPECT_NEAR(dynamics.energy_error(), 0, 1e-3);
 }
 
+template <int D>
+Wall<D> floor_at(double height) {
+  Wall<D> wall;
+  wall.name = "floor";
+  wall.point[D - 1] = height;
+  wall.normal[D - 1] = 1;
+  return wall;
+}
+
+// What resists the approach to a plane: `resistance` over speed, and its integral from `gap` up to `start`.
+template <int D>
+struct FilmAtPlane {
+  double viscosity, cutoff, radius;
+  [[nodiscard]] double resistance(double gap) const {
+    if constexpr (D == 2)
+      return 3 * std::numbers::sqrt2 * std::numbers::pi * viscosity *
+             (std::pow(radius / gap, 1.5) - std::pow(radius / cutoff, 1.5));
+    else
+      return 6 * std::numbers::pi * viscosity * radius * radius * (1 / gap - 1 / cutoff);
+  }
+  [[nodiscard]] double integral(double gap, double start) const {
+    if constexpr (D == 2)
+      return 3 * std::numbers::sqrt2 * std::numbers::pi * viscosity *
+             (2 * std::pow(radius, 1.5) * (1 / std::sqrt(gap) - 1 / std::sqrt(start)) -
+              (start - gap) * std::pow(radius / cutoff, 1.5));
+    else
+      return 6 * std::numbers::pi * viscosity * radius * radius *
+             (std::log(start / gap) - (start - gap) / cutoff);
+  }
+};
+
+template <int D>
+void film_at_plane_is_exact() {
+  const FilmAtPlane<D> film{.viscosity = 0.1, .cutoff = 1e-3, .radius = 0.01};
+  const double roughness = 1e-4, approach = 0.3;
+  for (const double margin : {0.0, 3e-4})
+    for (const auto& [gap, force] : {std::pair{9e-4, approach * film.resistance(9e-4)},
+                                     {5e-4, approach * film.resistance(5e-4)},
+                                     {1e-5, approach * film.resistance(roughness)},
+                                     {1.1e-3, 0.0}}) {
+      auto settings = test::free_space<D>(0, 1);  // where the margin touches nothing but the film acts
+      settings.lubrication = {
+          .viscosity = film.viscosity, .cutoff = film.cutoff, .minimum_gap = roughness, .margin = margin};
+      settings.skin = 1e-6;
+      Vector<D> x{}, v{};
+      x[0] = 0.2;
+      x[D - 1] = 0.5 + film.radius + gap;
+      v[0] = 0.5;  // along the plane does not count
+      v[D - 1] = -0.2;
+      InitialGrains<D> grains;
+      add_grain<D>(grains, x, v, film.radius + margin);
+      Wall<D> wall = floor_at<D>(0.5);
+      wall.velocity[D - 1] = 0.1;
+      Dynamics<D> dynamics(settings, grains, {wall});
+      const double tolerance = 1e-9 * film.resistance(roughness);
+      EXPECT_NEAR(dynamics.state().force[D - 1], force, tolerance) << gap;
+      EXPECT_NEAR(dynamics.state().force[0], 0, tolerance) << gap;
+      EXPECT_NEAR(dynamics.wall_force(0)[D - 1], -force, tolerance) << gap;
+      // About a pivot at the origin, by the arm 0.2.
+      EXPECT_NEAR(dynamics.wall_torque(0)[D == 2 ? 0 : 1], (D == 2 ? -0.2 : 0.2) * force, 0.2 * tolerance)
+          << gap;
+    }
+}
+
+TEST(Lubrication, AtAPlaneIsThatOfTheGrainsRadius) {
+  film_at_plane_is_exact<2>();
+  film_at_plane_is_exact<3>();
+}
+
+// The momentum of a grain pressed against a plane by a constant force is what the force gave less the
+// integral of the film's resistance over the gap, which in a viscous fluid is all that resists: of spheres
+// without cut-off h = h_0 exp(-F t / (6 pi mu R^2)).
+template <int D>
+void sinks_to_a_plane() {
+  const double start = 1e-3, end = 0.05;
+  const FilmAtPlane<D> film{.viscosity = 10, .cutoff = 1, .radius = 0.01};
+  auto settings = test::free_space<D>(1e4, 1);
+  settings.lubrication = {
+      .viscosity = film.viscosity, .cutoff = film.cutoff, .minimum_gap = 1e-6, .margin = 0};
+  settings.gravity[D - 1] = D == 2 ? -600 : -200;
+  Vector<D> x{};
+  x[0] = 0.2;
+  x[D - 1] = film.radius + start;
+  InitialGrains<D> grains;
+  add_grain<D>(grains, x, {}, film.radius);
+  Dynamics<D> dynamics(settings, grains, {floor_at<D>(0)});
+  const double mass = grains.mass[0], force = -mass * settings.gravity[D - 1];
+  const std::uint64_t steps = 20000;
+  double given = 0.5 * dynamics.wall_force(0)[D - 1];
+  dynamics.advance(end, steps, [&](std::uint64_t step) {
+    given += (step < steps ? 1 : 0.5) * dynamics.wall_force(0)[D - 1];
+  });
+  const double gap = dynamics.unwrapped(0)[D - 1] - film.radius, speed = -dynamics.state().velocity[D - 1];
+  EXPECT_LT(gap, 0.3 * start);
+  EXPECT_NEAR(film.integral(gap, start), force * end - mass * speed, 1e-4 * force * end);
+  EXPECT_LT(mass * speed, 1e-3 * force * end);  // as good as without inertia
+  if (D == 3) {
+    EXPECT_NEAR(gap, start * std::exp(-force * end / (6 * std::numbers::pi * 10 * 1e-4)), 2e-3 * gap);
+  }
+  EXPECT_NEAR(-given * end / steps, force * end - mass * speed, 1e-10 * force * end);
+  EXPECT_NEAR(dynamics.energy_error(), 0, 1e-4);
+}
+
+TEST(Lubrication, GrainSinksToAPlaneAsReynoldsEquationSays) {
+  sinks_to_a_plane<2>();
+  sinks_to_a_plane<3>();
+}
+
+// It takes the plane's velocity without touching it: half the plane's work goes into motion, half into heat.
+TEST(Lubrication, MovingPlanePushesAGrainThroughTheFilm) {
+  const double start = 5e-4, push = 0.2;
+  const FilmAtPlane<3> film{.viscosity = 1, .cutoff = 1e-3, .radius = 0.01};
+  auto settings = test::free_space<3>(1e4, 1);
+  settings.lubrication = {
+      .viscosity = film.viscosity, .cutoff = film.cutoff, .minimum_gap = 1e-6, .margin = 0};
+  InitialGrains<3> grains;
+  add_grain<3>(grains, {0, 0, film.radius + start}, {}, film.radius);
+  Dynamics<3> dynamics(settings, grains, {floor_at<3>(0)});
+  dynamics.wall_velocity = [&](std::size_t, double) { return Vector<3>{0, 0, push}; };
+  dynamics.advance(0.1, 20000);
+  const State<3>& s = dynamics.state();
+  EXPECT_NEAR(s.velocity[2], push, 1e-6);
+  const double gap = s.position[2] - dynamics.walls()[0].point[2] - film.radius;
+  const double momentum = grains.mass[0] * push;
+  EXPECT_NEAR(film.integral(gap, start), momentum, 2e-3 * momentum);
+  EXPECT_NEAR(s.ledger.given, momentum * push, 2e-3 * momentum * push);
+  EXPECT_NEAR(s.ledger.normal, 0.5 * momentum * push, 2e-3 * momentum * push);
+  EXPECT_NEAR(dynamics.energy_error(), 0, 1e-3);
+}
+
 }  // namespace
 }  // namespace estuary::grains

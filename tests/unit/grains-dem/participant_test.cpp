@@ -4,6 +4,8 @@
 #include <gtest/gtest.h>
 #include <unistd.h>
 
+#include <numbers>
+
 #include "deposit.hpp"
 #include "grains.hpp"
 #include "participant_under_test.hpp"
@@ -112,6 +114,45 @@ TEST(Configure, WarnsOfGrainsThatBeginInEachOther) {
                "[[grains.group]]\npositions = [[0.1,0.8],[0.115,0.8]]\nradius = 0.01\n[[grains.group]]"));
   ASSERT_EQ(run.plan.warnings.size(), 1u);
   EXPECT_THAT(run.plan.warnings.front(), HasSubstr("grains 0 and 1 begin with an overlap of 0.5 radii"));
+}
+
+const char* const kFilm =
+    "[grains.lubrication]\nviscosity = 50\ncutoff = 1e-3\nminimum_gap = 1e-5\n[[watch]]";
+
+std::string derived(const Plan& plan, const std::string& name) {
+  for (const auto& [key, value] : plan.derived)
+    if (key == name) return value;
+  return "";
+}
+
+// A grain at a plane has the film's resistance of its radius and its own mass; between two of the same size
+// the resistance is 2^(-3/2) of that, the reduced mass half.
+TEST(Configure, StepFollowsTheFilmAtAPlane) {
+  const double radius = 0.006, mass = 2000 * std::numbers::pi * radius * radius;
+  const double resistance = 3 * std::numbers::sqrt2 * std::numbers::pi * 50 *
+                            (std::pow(radius / 1e-5, 1.5) - std::pow(radius / 1e-3, 1.5));
+  std::string scene = replaced(kHeap, "[[watch]]", kFilm);
+  scene = replaced(scene,
+                   "[grains.group.grading]\nlaw = \"beta\"\nminimum_radius = 0.006\nmaximum_radius = 0.012",
+                   "radius = 0.006");
+  EXPECT_EQ(derived(Running(scene).plan, "time step"),
+            fmt::format("at most {:.3g} s, by lubrication at the smallest gap to a plane",
+                        0.2 * mass / resistance));
+  scene = replaced(scene, "walls = [\"bottom\"]", "");
+  scene = replaced(scene, "name = \"floor\"\nparticipant = \"grains\"\nwall = \"bottom\"",
+                   "name = \"floor\"\nparticipant = \"grains\"");
+  EXPECT_EQ(derived(Running(scene).plan, "time step"),
+            fmt::format("at most {:.3g} s, by lubrication at the smallest gap",
+                        std::numbers::sqrt2 * 0.2 * mass / resistance));
+}
+
+TEST(Configure, WarnsOfWallsWithoutFilm) {
+  const std::string slope = "[[grains.wall]]\nname = \"slope\"\npolyline = [[0,0],[0.2,0]]\n";
+  EXPECT_TRUE(Running(replaced(kHeap, "[[watch]]", kFilm)).plan.warnings.empty());
+  EXPECT_TRUE(Running(replaced(kHeap, "[[watch]]", slope + "[[watch]]")).plan.warnings.empty());
+  const Running run(replaced(kHeap, "[[watch]]", slope + kFilm));
+  ASSERT_EQ(run.plan.warnings.size(), 1u);
+  EXPECT_THAT(run.plan.warnings.front(), HasSubstr("the wall 'slope' has none"));
 }
 
 // The weight is either reduced or carried by the fluid's pressure, and what drives the fluid drives grains.
