@@ -3,6 +3,7 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <numbers>
 
@@ -37,6 +38,7 @@ void GrainCoupling::take(const v1::Exchange& inputs, double duration, bool stead
     throw BadInput("inputs.grain_states",
                    fmt::format("{} grains where there were {}", end_.count(), start_.count()));
   }
+  go_on_across_periodic_sides();
   duration_ = duration;
   if (steady) {
     std::fill(end_.velocity.begin(), end_.velocity.end(), 0.0);
@@ -50,6 +52,18 @@ void GrainCoupling::take(const v1::Exchange& inputs, double duration, bool stead
                    fmt::format("grain {} moves with {:g} m/s, {:.2g} spacings per time step", k / components,
                                end_.velocity[k], speed),
                    "shorten the window, or raise fluid.reference_velocity");
+  }
+}
+
+void GrainCoupling::go_on_across_periodic_sides() {
+  const auto components = static_cast<std::size_t>(end_.dimension);
+  const std::array<bool, 3> periodic{grid_.periodic_x, grid_.periodic_y, grid_.periodic_z};
+  const std::array<int, 3> nodes{grid_.nx, grid_.ny, grid_.nz};
+  for (std::size_t k = 0; k < end_.centre.size(); ++k) {
+    const std::size_t axis = k % components;
+    if (!periodic[axis]) continue;
+    const double length = nodes[axis] * grid_.spacing;
+    end_.centre[k] -= length * std::round((end_.centre[k] - start_.centre[k]) / length);
   }
 }
 

@@ -38,6 +38,11 @@ public:
   void load(const std::function<void(const char*, std::span<double>)>& read);
 
 private:
+  // A grain that crosses a periodic side comes back at the other one: its image that is nearest to where it
+  // was is taken, else it would move back through the whole of the fluid inside the window. Its place is
+  // counted on from window to window, so that a window begins where the last one ended, to the bit.
+  void go_on_across_periodic_sides();
+
   bool active_ = false;
   Grid grid_;
   Units units_;

@@ -358,5 +358,37 @@ TEST(GrainsInTheFluid, GoThroughTheParticipant) {
   EXPECT_NEAR(forces[0], forces[1], 0.1 * std::abs(forces[1]));
 }
 
+// In the middle of a window it is beside the side that it crosses, and not half-way back through the fluid.
+TEST(GrainsInTheFluid, CrossPeriodicSidesInTheMiddleOfAWindow) {
+  const std::string sides =
+      "[fluid.sides.left]\ntype = \"periodic\"\n[fluid.sides.right]\ntype = \"periodic\"\n";
+  for (const std::string method : {"partially-saturated", "interpolated"}) {
+    // Told where it is in the box, or how far it has come.
+    std::vector<double> forces;
+    for (const bool in_the_box : {true, false}) {
+      Scene scene = Scene::parse(scene_with_grains(method) + sides, "scene.toml");
+      Fluid fluid;
+      fluid.configure(scene, "fluid");
+      ASSERT_TRUE(scene.problems().empty()) << describe("scene.toml", scene.problems()[0]);
+      const auto folder = folder_of_test();
+      const auto grain = [&](double x) { return grain_at(in_the_box ? x - std::floor(x) : x, 0.5); };
+      fluid.start(grain(0.96), folder);
+      ProgressBoard board;
+      for (std::uint64_t window = 1; window <= 8; ++window) {
+        const double start = 0.02 * static_cast<double>(window - 1);
+        const auto result = fluid.advance({window, 1, Mode::transient, start, 0.02},
+                                          grain(0.96 + 0.5 * (start + 0.02)), board);
+        EXPECT_GT(result.work.steps, window) << "a window has several steps, else this shows nothing";
+        forces.push_back(result.outputs.grain_forces().force(0));
+        fluid.accept();
+      }
+      std::filesystem::remove_all(folder);
+    }
+    for (std::size_t window = 0; window < 8; ++window)
+      EXPECT_NEAR(forces[window], forces[window + 8], 1e-9 * std::abs(forces[window + 8]))
+          << method << ", window " << window + 1;
+  }
+}
+
 }  // namespace
 }  // namespace estuary::fluid
