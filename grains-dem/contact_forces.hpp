@@ -1,6 +1,7 @@
 // Sweeps over the pairs and the wall contacts: each law is one compiled variant, chosen once.
 #pragma once
 
+#include <algorithm>
 #include <array>
 #include <vector>
 
@@ -34,7 +35,8 @@ struct ContactRecord {
 template <int D>
 struct LawFunctions {
   /// Forces of the pairs in rows of one block: added to its own grains, written to `cross` for others.
-  void (*sweep_pairs)(const SweepInput<D>&, std::size_t block, State<D>&, CrossForces<D>&,
+  /// Whether a touching pair went past each other in the last step, which no contact survives.
+  bool (*sweep_pairs)(const SweepInput<D>&, std::size_t block, State<D>&, CrossForces<D>&,
                       EnergyLedger&) = nullptr;
   /// One contact, for walls and for measuring.
   ContactForce<D> (*contact)(const ContactConstants&, const ContactKinematics<D>&, double dt, double* history,
@@ -66,6 +68,19 @@ inline GrainPair<D> grain_pair(const State<D>& state, std::size_t i, std::size_t
           load<D>(state.velocity.data(), j) - load<D>(state.velocity.data(), i),
           load<spin_components<D>>(state.spin.data(), i),
           load<spin_components<D>>(state.spin.data(), j)};
+}
+
+/// Whether one grain goes through another, which no contact survives: from then on its force drives them on.
+/// In the step of `dt` that brought them here with `velocity` relative to each other, the line of their
+/// centres, now `apart`, turned through more than a right angle; or they came nearer, and less than a
+/// twentieth of the sum of their radii is left between the centres. The latter finds slow ones that miss each
+/// other's centre by a little; beginning so near, grains fly apart.
+template <int D>
+inline bool goes_through(const Vector<D>& apart, double squared_distance, double radius_sum,
+                         const Vector<D>& velocity, double dt) {
+  const double turned = dt * dot(apart, velocity), near = 0.05 * radius_sum;
+  const double came_nearer = 0.5 * dt * dt * dot(velocity, velocity) - turned;
+  return squared_distance < (came_nearer > 0 ? std::max(turned, near * near) : turned);
 }
 
 /// Kinematics of a pair at distance `distance` along `normal`; the overlap is shared by both arms, so that

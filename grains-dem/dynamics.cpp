@@ -1,5 +1,7 @@
 #include "dynamics.hpp"
 
+#include <fmt/format.h>
+
 #include <algorithm>
 #include <cmath>
 #include <limits>
@@ -137,6 +139,28 @@ void Dynamics<D>::check_finite() const {
 }
 
 template <int D>
+void Dynamics<D>::name_pair_that_goes_through(double dt) const {
+  check_finite();
+  for (std::size_t i = 0; i < state_.size(); ++i)
+    for (std::size_t k = state_.row_start[i]; k < state_.row_start[i + 1]; ++k) {
+      const std::size_t j = state_.partner[k];
+      const Vector<D> apart = load<D>(state_.position.data(), j) + input_.shift[state_.image[k]] -
+                              load<D>(state_.position.data(), i);
+      const Vector<D> velocity = load<D>(state_.velocity.data(), j) - load<D>(state_.velocity.data(), i);
+      const double squared = dot(apart, apart), reach = state_.radius[i] + state_.radius[j];
+      if (squared >= reach * reach || !goes_through<D>(apart, squared, reach, velocity, dt)) continue;
+      throw Breakdown(
+          std::min(state_.identity[i], state_.identity[j]),
+          fmt::format("goes through grain {} at {:.3g} m/s", std::max(state_.identity[i], state_.identity[j]),
+                      norm(velocity)),
+          "the contact is too soft for that speed: raise normal_stiffness (Hertz: young_modulus); "
+          "or use more steps_per_contact, or less "
+          "overlap at the start");
+    }
+  throw std::logic_error("no grain goes through another");
+}
+
+template <int D>
 void Dynamics<D>::after_rebuild() {
   prepare_cross_forces(state_, cross_);
   const std::size_t blocks = block_count(state_.size());
@@ -147,6 +171,7 @@ void Dynamics<D>::after_rebuild() {
   wall_force_.assign(state_.wall_contact.size(), Vector<D>{});
   block_ledger_.resize(blocks);
   block_work_.resize(blocks);
+  block_through_.resize(blocks);
   block_displacement_.resize(blocks);
 }
 
@@ -253,7 +278,7 @@ void Dynamics<D>::evaluate(double dt) {
                 state_.external_torque.begin() + static_cast<std::ptrdiff_t>(s * end),
                 state_.torque.begin() + static_cast<std::ptrdiff_t>(s * begin));
       block_ledger_[b] = {};
-      law_.sweep_pairs(input_, b, state_, cross_, block_ledger_[b]);
+      block_through_[b] = law_.sweep_pairs(input_, b, state_, cross_, block_ledger_[b]) ? 1 : 0;
       if (settings_.lubrication.active())
         sweep_lubrication(settings_.lubrication, input_, b, state_, cross_, block_ledger_[b]);
       if (first_wall_contact_[b] == first_wall_contact_[b + 1]) continue;
@@ -265,6 +290,8 @@ void Dynamics<D>::evaluate(double dt) {
     }
   });
   for (std::size_t b = 0; b < blocks; ++b) state_.ledger += block_ledger_[b];
+  for (const std::uint8_t through : block_through_)
+    if (through != 0) name_pair_that_goes_through(dt);
   if (bonds_.size() > 0)
     state_.ledger.normal +=
         add_bond_forces(settings_.bond_law, settings_.domain, dt, bonds_, state_, state_.bond_loss);

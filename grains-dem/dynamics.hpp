@@ -44,9 +44,12 @@ struct InitialGrains {
 
 /// Thrown when the motion stopped making sense; `grain` counts in the scene's order.
 struct Breakdown : std::runtime_error {
-  Breakdown(std::size_t grain_number, const std::string& what)
-      : std::runtime_error(what), grain(grain_number) {}
+  Breakdown(std::size_t grain_number, const std::string& what,
+            std::string what_to_try =
+                "use more steps_per_contact, a smaller time_step, or less overlap at the start")
+      : std::runtime_error(what), grain(grain_number), advice(std::move(what_to_try)) {}
   std::size_t grain;
+  std::string advice;
 };
 
 struct Energies {
@@ -124,6 +127,7 @@ private:
   void rebuild_if_due(double displacement_squared);
   void after_rebuild();
   void check_finite() const;
+  [[noreturn]] void name_pair_that_goes_through(double dt) const;
   void advance_verlet(double dt, std::uint64_t steps, const StepMonitor& monitor);
   void advance_gear(double dt, std::uint64_t steps, const StepMonitor& monitor);
 
@@ -140,6 +144,7 @@ private:
   std::vector<Vector<D>> wall_force_;
   std::vector<EnergyLedger> block_ledger_;
   std::vector<double> block_work_, block_displacement_;
+  std::vector<std::uint8_t> block_through_;
   double smallest_radius_ = 0;
   bool external_torque_ = false;
   double energy_at_start_ = 0, ledger_at_start_ = 0;

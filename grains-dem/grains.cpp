@@ -184,7 +184,7 @@ void Grains::move(const Window& window, ProgressBoard& progress) {
     throw Diverged("position",
                    fmt::format("grain {} {}, window {}; fields are in last-state.hdf", breakdown.grain,
                                breakdown.what(), window.number),
-                   "use more steps_per_contact, a smaller time_step, or less overlap at the start");
+                   breakdown.advice);
   }
   work_.steps += steps;
   work_.updates += static_cast<double>(steps) * static_cast<double>(medium_->size());

@@ -74,8 +74,9 @@ inline void find_touching(const SweepInput<D>& input, const CrossForces<D>& cros
   }
 }
 
+/// Whether one of a pair goes through the other.
 template <int D, NormalLaw N, FrictionLaw F, RollingLaw R, bool Cohesive>
-inline void compute_forces(const ContactConstants constants, double dt, double lag,
+inline bool compute_forces(const ContactConstants constants, double dt, double lag,
                            TouchingPairs<D, history_size<D, F, R>>& touching) {
   constexpr std::size_t memory = history_size<D, F, R>;
   constexpr std::size_t spin = spin_components<D>;
@@ -96,6 +97,7 @@ inline void compute_forces(const ContactConstants constants, double dt, double l
   double* __restrict const lost_tangential = touching.lost_tangential.data();
   double* __restrict const lost_rolling = touching.lost_rolling.data();
   const std::size_t count = touching.count;
+  std::int64_t through = 0;
 // No array is read where another is written.
 #ifdef __clang__
 #pragma clang loop vectorize(assume_safety)
@@ -106,6 +108,8 @@ inline void compute_forces(const ContactConstants constants, double dt, double l
     const GrainPair<D> pair{radius_i[m],          radius_j[m],          root_mass[m],
                             inverse_masses[m],    load<D>(velocity, m), load<spin>(spin_i, m),
                             load<spin>(spin_j, m)};
+    const double radii = pair.radius_i + pair.radius_j;
+    through |= goes_through<D>(load<D>(apart, m), squared[m], radii, pair.velocity, dt) ? 1 : 0;
     const double distance = std::sqrt(squared[m]);
     const Vector<D> normal = (1 / distance) * load<D>(apart, m);
     const ContactKinematics<D> kinematics = pair_kinematics<D>(pair, normal, distance, lag);
@@ -126,6 +130,7 @@ inline void compute_forces(const ContactConstants constants, double dt, double l
     if constexpr (F != FrictionLaw::none) lost_tangential[m] = lost.tangential;
     if constexpr (R != RollingLaw::none) lost_rolling[m] = lost.rolling;
   }
+  return through != 0;
 }
 
 /// In the order of the pairs.
@@ -175,7 +180,7 @@ inline double sum_in_lanes(std::array<double, K>& values, std::size_t count) {
 }
 
 template <int D, NormalLaw N, FrictionLaw F, RollingLaw R, bool Cohesive>
-void sweep_pairs(const SweepInput<D>& input, std::size_t block, State<D>& state, CrossForces<D>& cross,
+bool sweep_pairs(const SweepInput<D>& input, std::size_t block, State<D>& state, CrossForces<D>& cross,
                  EnergyLedger& ledger) {
   constexpr std::size_t width = D + spin_components<D>;
   constexpr std::size_t memory = history_size<D, F, R>;
@@ -185,10 +190,11 @@ void sweep_pairs(const SweepInput<D>& input, std::size_t block, State<D>& state,
   double* const slots = cross.value.data();
   std::fill(slots + width * cross.first_slot[block], slots + width * cross.first_slot[block + 1], 0.0);
   TouchingPairs<D, memory> touching;
+  bool through = false;
   const std::size_t last = state.row_start[end];
   for (std::size_t first = state.row_start[block_begin(block)]; first < last; first += most) {
     find_touching(input, cross, first, std::min(last, first + most), state, touching);
-    compute_forces<D, N, F, R, Cohesive>(input.constants, input.dt, input.lag, touching);
+    if (compute_forces<D, N, F, R, Cohesive>(input.constants, input.dt, input.lag, touching)) through = true;
     give_forces<D, memory, turns>(touching, first, state, slots);
     ledger.normal += sum_in_lanes(touching.lost_normal, touching.count);
     if constexpr (F != FrictionLaw::none)
@@ -196,6 +202,7 @@ void sweep_pairs(const SweepInput<D>& input, std::size_t block, State<D>& state,
     if constexpr (R != RollingLaw::none)
       ledger.rolling += sum_in_lanes(touching.lost_rolling, touching.count);
   }
+  return through;
 }
 
 template <int D, NormalLaw N, FrictionLaw F, RollingLaw R, bool Cohesive>

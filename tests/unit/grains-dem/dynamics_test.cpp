@@ -116,6 +116,60 @@ TEST(Breakdown, NamesTheGrainThatFlewOff) {
   }
 }
 
+// The elastic overlap of two grains that meet at `speed` is speed sqrt(m* / k): from the sum of their radii
+// on they go through each other. No two that do so part in silence, however long the step.
+template <int D>
+void too_fast_is_refused(NormalLaw law) {
+  for (const double steps : {10.0, 20.0, 100.0})
+    for (const double offset : {0.0, 1e-6, 1e-4, 2e-4})  // across the way
+      for (double share = 0.5; share < 20; share *= 1.07) {
+        auto settings = test::free_space<D>(1e5, 1);
+        settings.law.normal = law;
+        if (law == NormalLaw::hertz) settings.constants.damping = 0;
+        InitialGrains<D> grains;
+        Vector<D> left{}, right{}, there{}, back{};
+        left[0] = 0.4;
+        right[0] = 0.4201;
+        right[1] = offset;
+        add_grain<D>(grains, left, {}, 0.01);
+        add_grain<D>(grains, right, {}, 0.01);
+        add_grain<D>(grains, Vector<D>{}, {}, 0.01);  // another, out of the way
+        const double reduced = 0.5 * grains.mass[0], depth = 0.02 * share;
+        // Of Hertz's law 1/2 m* v^2 = 2/5 k R*^(1/2) depth^(5/2).
+        const double speed = law == NormalLaw::linear
+                                 ? depth * std::sqrt(1e5 / reduced)
+                                 : std::sqrt(0.8 * 1e5 * std::sqrt(0.005) * std::pow(depth, 2.5) / reduced);
+        const double contact = law == NormalLaw::linear ? linear_contact_time(1e5, 1, reduced)
+                                                        : hertz_contact_time(0.75e5, reduced, 0.005, speed);
+        there[0] = 0.5 * speed;
+        back[0] = -0.5 * speed;
+        store<D>(grains.velocity.data(), 0, there);
+        store<D>(grains.velocity.data(), 1, back);
+        Dynamics<D> dynamics(settings, grains, {});
+        const double time = 2 * contact;
+        bool refused = false;
+        std::string why;
+        try {
+          dynamics.advance(time, static_cast<std::uint64_t>(time / contact * steps));
+        } catch (const Breakdown& breakdown) {
+          refused = true;
+          why = breakdown.what();
+          const bool through = why.find("goes through grain 1") != std::string::npos;
+          // Faster yet, one of them goes farther than its radius in a step, which is another message.
+          EXPECT_TRUE(through ? breakdown.grain == 0 : 0.5 * speed * contact / steps > 0.01) << why;
+        }
+        if (share > 0.95 && share < 1) continue;  // would just turn back, but is refused
+        EXPECT_EQ(refused, share > 1)
+            << share << " diameters, " << steps << " steps, offset " << offset << ' ' << why;
+      }
+}
+
+TEST(Breakdown, NamesTwoGrainsThatGoThroughEachOther) {
+  too_fast_is_refused<2>(NormalLaw::linear);
+  too_fast_is_refused<3>(NormalLaw::linear);
+  too_fast_is_refused<3>(NormalLaw::hertz);
+}
+
 TEST(HalfOverlap, FliesApartWithTheEnergyStored) {
   auto settings = test::free_space<2>(1e6, 1);
   InitialGrains<2> grains;
