@@ -74,6 +74,16 @@ inline ContactForce<D> contact(const ContactConstants& c, const ContactKinematic
     before = before - dot(before, k.normal) * k.normal;
     const double projected = norm(before);
     if (projected > 0) before = (length / projected) * before;
+    if constexpr (N == NormalLaw::hertz) {
+      // The spring stiffens with the overlap. Pressed deeper it keeps its force, released its stretch
+      // (Thornton, Cummins & Cleary 2013): either way energy goes. A stretch kept while pressed would bring
+      // some.
+      const double overlap_before = std::max(0.0, k.overlap - closing * dt);
+      const double softer = std::sqrt(overlap_before / k.overlap);  // former stiffness over the present one
+      const double kept = std::min(1.0, softer);
+      ledger.tangential += 0.5 * tangential_stiffness * (softer - kept * kept) * dot(before, before);
+      before = kept * before;
+    }
     const double limit = c.friction * normal_force;
     Vector<D> stretch = before + dt * k.sliding;
     const double longest = limit * inverse_tangential_stiffness, reached = norm(stretch);

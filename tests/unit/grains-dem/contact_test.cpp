@@ -90,6 +90,79 @@ TEST(HertzContact, LastsAsLongAsTheFormulaSays) {
   EXPECT_NEAR(contacts[0].kinematics.closing, 0, 0.01);
 }
 
+ContactConstants elastic_hertz(double friction) {
+  ContactConstants c;
+  c.normal_stiffness = 4.0 / 3 * 1e8;
+  c.friction = friction;
+  c.tangential_stiffness = 3e8;
+  c.inverse_tangential_stiffness = 1 / 3e8;
+  return c;
+}
+
+// Sheared by x at the overlap d, pressed to 4 d, where the spring is twice as stiff, sheared back and
+// released to d, without sliding. With k the stiffness at d the force is k x, still k x, k x - 2 k x, half of
+// that; what goes is 1/4 k x^2 in pressing, 1/8 in releasing.
+TEST(HertzContact, SpringThatStiffensLosesWhatTheLedgerSays) {
+  const ContactConstants constants = elastic_hertz(100);
+  const auto law = law_functions<3>({.normal = NormalLaw::hertz, .friction = FrictionLaw::spring});
+  const double shallow = 1e-5, sheared = 1e-6, stiffness = 3e8 * std::sqrt(0.005 * shallow);
+  const int steps = 20000;
+  const double dt = 1e-6;
+  std::array<double, 8> history{};
+  EnergyLedger ledger;
+  ContactKinematics<3> k{};
+  k.normal = {1, 0, 0};
+  k.radius_sum = 0.02;
+  k.reduced_radius = 0.005;
+  k.root_mass = 1;
+  k.overlap = shallow;
+  double work = 0;
+  const auto go = [&](double deeper, double across) {
+    k.closing = deeper / (steps * dt);
+    k.sliding = {0, across / (steps * dt), 0};
+    double force = 0;
+    for (int n = 0; n < steps; ++n) {
+      k.overlap += k.closing * dt;
+      force = law.contact(constants, k, dt, history.data(), ledger).friction[1];
+      work += force * k.sliding[1] * dt;
+    }
+    return force / (stiffness * sheared);
+  };
+  const double unit = stiffness * sheared * sheared;
+  EXPECT_NEAR(go(0, sheared), 1, 1e-6);
+  EXPECT_NEAR(ledger.tangential, 0, 1e-3 * unit);
+  EXPECT_NEAR(go(3 * shallow, 0), 1, 1e-6);
+  EXPECT_NEAR(ledger.tangential, 0.25 * unit, 1e-3 * unit);
+  EXPECT_NEAR(go(0, -sheared), -1, 1e-6);
+  EXPECT_NEAR(ledger.tangential, 0.25 * unit, 1e-3 * unit);
+  EXPECT_NEAR(go(-3 * shallow, 0), -0.5, 1e-6);
+  EXPECT_NEAR(ledger.tangential, 0.375 * unit, 1e-3 * unit);
+  const double stored = 0.5 * stiffness * history[1] * history[1];
+  EXPECT_NEAR(work, stored + ledger.tangential, 1e-3 * unit);
+}
+
+// Whatever the angle and the spin, elastic impacts with friction end with no more energy than they began
+// with, and the ledger closes with the step.
+TEST(HertzContact, ObliqueImpactsGainNoEnergy) {
+  for (const double along : {0.02, 0.1, 0.3, 1.0, 3.0})
+    for (const double spin : {-100.0, 0.0, 100.0}) {
+      auto settings = test::free_space<3>(1, 1);
+      settings.law.normal = NormalLaw::hertz;
+      settings.law.friction = FrictionLaw::spring;
+      settings.constants = elastic_hertz(0.3);
+      InitialGrains<3> grains;
+      add_grain<3>(grains, {-0.01, 0, 0}, {0.5, 0.5 * along, 0}, 0.01, 1000, {0, 0, spin});
+      add_grain<3>(grains, {0.01, 0, 0}, {-0.5, -0.5 * along, 0}, 0.01, 1000, {0, 0, spin});
+      Dynamics<3> dynamics(settings, grains, {});
+      const auto moving = [&] { return dynamics.energies().translation + dynamics.energies().rotation; };
+      const double before = moving();
+      dynamics.advance(1.5 * hertz_contact_time(1e8, 0.5 * grains.mass[0], 0.005, 1.0), 20000);
+      ASSERT_TRUE(dynamics.contacts().empty());
+      EXPECT_LT(moving(), before * (1 + 1e-5)) << along << ' ' << spin;
+      EXPECT_NEAR(dynamics.energy_error(), 0, 1e-4) << along << ' ' << spin;
+    }
+}
+
 // A grain hits a wall obliquely and slides all the way: v_t' = v_t - mu (1 + e) v_n.
 template <int D>
 void slide_off(FrictionLaw friction) {
