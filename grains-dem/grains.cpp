@@ -46,11 +46,20 @@ Identity Grains::identity() const {
           .dimensions = {2, 3}};
 }
 
+UnknownGrain::UnknownGrain(const WatchScene& watch, std::size_t count)
+    : std::invalid_argument(fmt::format("there is no grain {}: they count from 0 to {}", watch.grain,
+                                        static_cast<std::ptrdiff_t>(count) - 1)),
+      watch_(watch.name) {}
+
 Plan Grains::configure(Scene& scene, const std::string& role) {
   scene_ = read_grains_scene(scene, role);
   if (!scene.problems().empty()) return {};
   try {
     return plan_of(scene_);
+  } catch (const UnknownGrain& error) {
+    for (SceneTable& table : scene.root().tables("watch"))
+      if (table.text_or("name", "") == error.watch()) table.problem("grain", error.what());
+    return {};
   } catch (const std::invalid_argument& error) {
     // A sample file that cannot be read, grains that do not fit.
     scene.root().table(role).problem("group", error.what());
@@ -78,10 +87,6 @@ v1::Exchange Grains::start(const v1::Exchange& initial, const std::filesystem::p
   };
   medium_ = make_medium(scene_, initial.has_wet_surface() ? &surface_ : nullptr, positions, monitor);
   if (scene_.repeats_windows) medium_->keep();
-  for (const WatchScene& watch : scene_.watches)
-    if (watch.kind == WatchKind::grain && watch.grain >= medium_->size())
-      throw std::invalid_argument(
-          fmt::format("the watch '{}' asks for grain {} of {}", watch.name, watch.grain, medium_->size()));
   series_ = std::make_unique<FieldSeries>(folder_, "frame");
   work_ = {};
   // Positions, velocities, forces and radii once per step; per pair index, image, mass and history, and the

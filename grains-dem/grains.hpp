@@ -4,12 +4,25 @@
 
 #include <filesystem>
 #include <memory>
+#include <stdexcept>
+#include <string>
 
 #include "medium.hpp"
 
 namespace estuary::grains {
 
-/// Derived numbers, warnings, what is left out, memory and variant of a scene without problems.
+/// A watch asks for a grain beyond the last one.
+class UnknownGrain : public std::invalid_argument {
+public:
+  UnknownGrain(const WatchScene& watch, std::size_t count);
+  const std::string& watch() const { return watch_; }
+
+private:
+  std::string watch_;
+};
+
+/// Derived numbers, warnings, what is left out, memory and variant of a scene without problems. Throws
+/// UnknownGrain, and std::invalid_argument for grains that cannot be placed.
 Plan plan_of(const GrainsScene& scene);
 
 class Grains final : public Participant {

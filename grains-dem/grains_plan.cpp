@@ -72,13 +72,49 @@ template <int D>
 void check_beginning(const GrainsScene& scene, Plan& plan) {
   const InitialGrains<D> grains = initial_grains<D>(scene);
   const DynamicsSettings<D> settings = dynamics_settings<D>(scene, grains);
-  check_placement(settings, scene_walls<D>(scene), grains);
+  const std::vector<Wall<D>> walls = scene_walls<D>(scene);
+  check_placement(settings, walls, grains);
   constexpr double kNoticeable = 0.02;
   const DeepestOverlap deepest = deepest_overlap(settings, grains);
   if (deepest.depth > kNoticeable && !scene.deposit.active)
     plan.warnings.push_back(fmt::format(
         "grains {} and {} begin with an overlap of {:.2g} radii of the smaller one: they are pushed apart",
         deepest.first, deepest.second, deepest.depth));
+  if (scene.deposit.active) return;
+  const DeepestInWall in_wall = deepest_in_wall(walls, grains);
+  if (in_wall.depth > kNoticeable)
+    plan.warnings.push_back(
+        fmt::format("grain {} begins {:.2g} of its radius deep in the wall '{}': it is pushed out",
+                    in_wall.grain, in_wall.depth, in_wall.wall));
+}
+
+// What the grains say of the fluid and of their box against the fluid's own table.
+void check_against_fluid(const GrainsScene& scene, double smallest, bool any_moves, Plan& plan) {
+  const FluidScene& fluid = scene.fluid;
+  if (fluid.present && fluid.lattice_density && std::abs(fluid.density / *fluid.lattice_density - 1) > 1e-6)
+    plan.warnings.push_back(
+        fmt::format("[grains.fluid] density is {:g}, that of [fluid] {:g}: the weight is reduced by that of "
+                    "another fluid",
+                    fluid.density, *fluid.lattice_density));
+  if (fluid.spacing && *fluid.spacing > 0 && 2 * smallest < 4 * *fluid.spacing)
+    plan.warnings.push_back(
+        fmt::format("the smallest grain is {:.2g} of the fluid's spacings across: below 4 it falls too fast "
+                    "(README, resolution)",
+                    2 * smallest / *fluid.spacing));
+  if (!any_moves) return;
+  constexpr std::array<char, 3> axes{'x', 'y', 'z'};
+  for (std::size_t c = 0; c < scene.axes(); ++c) {
+    if (!fluid.periodic[c] || *fluid.periodic[c] == scene.periodic[c]) continue;
+    plan.warnings.push_back(scene.periodic[c]
+                                ? fmt::format("grains are periodic along {0}, the fluid is not: one that "
+                                              "leaves at a side comes back at the "
+                                              "other one through no fluid",
+                                              axes[c])
+                                : fmt::format("the fluid is periodic along {0}, the grains are not: they do "
+                                              "not touch across these sides; "
+                                              "give `periodic = [\"{0}\"]` and a box as long as the fluid",
+                                              axes[c]));
+  }
 }
 
 }  // namespace
@@ -115,6 +151,8 @@ Plan plan_of(const GrainsScene& scene) {
     check_beginning<2>(scene, plan);
   else
     check_beginning<3>(scene, plan);
+  for (const WatchScene& watch : scene.watches)
+    if (watch.kind == WatchKind::grain && watch.grain >= count) throw UnknownGrain(watch, count);
   const StepLimit limit = step_limit_of(scene, lightest, smallest);
   const double steps = std::floor(scene.window / limit.step) + 1;
   const auto n = static_cast<double>(count);
@@ -166,6 +204,7 @@ Plan plan_of(const GrainsScene& scene) {
           "a column of grains presses the lowest by about {:.2g} diameters: raise normal_stiffness",
           overlap));
   }
+  if (scene.coupled_to_fluid) check_against_fluid(scene, smallest, held < count && !scene.deposit.hold, plan);
   if (scene.coupled_to_fluid && !scene.fluid.present)
     plan.warnings.emplace_back(
         "a fluid takes part, but [grains.fluid] does not say how it carries the grains: "

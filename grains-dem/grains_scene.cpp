@@ -101,6 +101,19 @@ void read_fluid(SceneTable& grains, GrainsScene& result) {
   result.fluid.virtual_mass = fluid->number_or("virtual_mass", light ? enough : 0.0, {0, 100});
 }
 
+// Of the fluid's own table, which its participant judges.
+void read_beside(SceneTable& fluid, GrainsScene& result) {
+  result.fluid.has_body_force = fluid.has("body_force");
+  if (fluid.has("density")) result.fluid.lattice_density = fluid.number("density");
+  if (fluid.has("spacing")) result.fluid.spacing = fluid.number("spacing");
+  auto sides = fluid.table_if("sides");
+  if (!sides) return;
+  constexpr std::array<const char*, 3> low{"left", "bottom", "back"};
+  for (std::size_t c = 0; c < result.axes(); ++c)
+    if (auto side = sides->table_if(low[c]); side && side->has("type"))
+      result.fluid.periodic[c] = side->text("type") == "periodic";
+}
+
 void read_lubrication(SceneTable& grains, GrainsScene& result) {
   result.lubrication.margin = result.contact_margin;
   auto table = grains.table_if("lubrication");
@@ -173,7 +186,7 @@ GrainsScene read_grains_scene(Scene& scene, const std::string& role) {
   SceneTable root = scene.root();
   result.dimension = static_cast<int>(root.integer_or("dimension", 2, 2, 3));
   result.coupled_to_fluid = root.has("fluid");
-  if (auto fluid = root.table_if("fluid")) result.fluid.has_body_force = fluid->has("body_force");
+  if (auto fluid = root.table_if("fluid")) read_beside(*fluid, result);
   result.coupled_to_solid = root.has("solid");
   if (auto coupling = root.table_if("coupling")) {
     result.steady = coupling->text_or("mode", "steady") == "steady";

@@ -93,6 +93,9 @@ struct FluidScene {
   // there is none.
   std::vector<std::string> acceleration;
   bool has_body_force = false;  // in the fluid's own table: gravity or what drives it
+  // What else the fluid's own table says, to hold the grains' against.
+  std::optional<double> lattice_density, spacing;
+  std::array<std::optional<bool>, 3> periodic{};
 };
 
 struct GrainsScene {

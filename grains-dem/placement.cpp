@@ -91,11 +91,28 @@ DeepestOverlap deepest_overlap(const DynamicsSettings<D>& settings, const Initia
   return deepest;
 }
 
+template <int D>
+DeepestInWall deepest_in_wall(const std::vector<Wall<D>>& walls, const InitialGrains<D>& grains) {
+  DeepestInWall deepest;
+  for (const Wall<D>& wall : walls) {
+    if (!wall.is_plane()) continue;
+    for (std::size_t i = 0; i < grains.size(); ++i) {
+      if (grains.held[i]) continue;
+      const double inside = dot(load<D>(grains.position.data(), i) - wall.point, wall.normal);
+      const double depth = 1 - inside / grains.radius[i];
+      if (depth > deepest.depth) deepest = {i, wall.name, depth};
+    }
+  }
+  return deepest;
+}
+
 template void check_placement(const DynamicsSettings<2>&, const std::vector<Wall<2>>&,
                               const InitialGrains<2>&);
 template void check_placement(const DynamicsSettings<3>&, const std::vector<Wall<3>>&,
                               const InitialGrains<3>&);
 template DeepestOverlap deepest_overlap(const DynamicsSettings<2>&, const InitialGrains<2>&);
 template DeepestOverlap deepest_overlap(const DynamicsSettings<3>&, const InitialGrains<3>&);
+template DeepestInWall deepest_in_wall(const std::vector<Wall<2>>&, const InitialGrains<2>&);
+template DeepestInWall deepest_in_wall(const std::vector<Wall<3>>&, const InitialGrains<3>&);
 
 }  // namespace estuary::grains

@@ -20,4 +20,13 @@ struct DeepestOverlap {
 template <int D>
 DeepestOverlap deepest_overlap(const DynamicsSettings<D>& settings, const InitialGrains<D>& grains);
 
+/// The deepest overlap of a grain that moves with a plane, in its radii.
+struct DeepestInWall {
+  std::size_t grain = 0;
+  std::string wall;
+  double depth = 0;
+};
+template <int D>
+DeepestInWall deepest_in_wall(const std::vector<Wall<D>>& walls, const InitialGrains<D>& grains);
+
 }  // namespace estuary::grains

@@ -176,6 +176,33 @@ TEST(Configure, WarnsOfBuoyancyThatIsThereTwiceOrNotAtAll) {
               HasSubstr("carries the grains already"));
 }
 
+TEST(Configure, WarnsWhereFluidAndGrainsDoNotFitTogether) {
+  const auto warned = [](const std::string& fluid, const char* what = "", const char* with = "") {
+    const std::string text =
+        replaced(kHeap, "[[watch]]", "[fluid]\n" + fluid + "\n[grains.fluid]\ndensity = 1000\n[[watch]]");
+    std::string all;
+    for (const auto& warning : Running(*what == 0 ? text : replaced(text, what, with)).plan.warnings)
+      all += warning;
+    return all;
+  };
+  const std::string periodic = "[fluid.sides.left]\ntype = \"periodic\"",
+                    walls = "[fluid.sides.left]\ntype = \"wall\"";
+  EXPECT_EQ(warned("density = 1000\nspacing = 0.003\n" + periodic), "");
+  EXPECT_THAT(warned("density = 1100"), HasSubstr("that of [fluid] 1100"));
+  EXPECT_THAT(warned("spacing = 0.004"), HasSubstr("spacings across"));
+  EXPECT_THAT(warned(walls), HasSubstr("through no fluid"));
+  EXPECT_THAT(warned(periodic, "periodic = [\"x\"]", ""), HasSubstr("do not touch across"));
+  EXPECT_EQ(warned(walls, "[[grains.group]]", "[[grains.group]]\nheld = true"), "");
+}
+
+TEST(Configure, WarnsOfAGrainThatBeginsInAWall) {
+  const Running run(
+      replaced(kHeap, "[[grains.group]]",
+               "[[grains.group]]\npositions = [[0.1,0.006]]\nradius = 0.008\n[[grains.group]]"));
+  EXPECT_THAT(run.plan.warnings,
+              testing::Contains(HasSubstr("grain 0 begins 0.25 of its radius deep in the wall 'bottom'")));
+}
+
 struct Refusal {
   const char *what, *with, *message;
 };
@@ -198,6 +225,7 @@ INSTANTIATE_TEST_SUITE_P(
         Refusal{"maximum_radius = 0.012", "maximum_radius = 0.001", "smaller"},
         Refusal{"wall = \"bottom\"", "wall = \"top\"", "no wall"},
         Refusal{"grain = 7", "point = [0, 0]", "grain"},
+        Refusal{"grain = 7", "grain = 60", "no grain 60: they count from 0 to 59"},
         Refusal{"[[watch]]", "[grains.bond]\nnormal_stiffness = 1\n[[watch]]", "shear_stiffness"},
         Refusal{"[[watch]]", "[grains.lubrication]\nviscosity = 1\ncutoff = 1\nminimum_gap = 2\n[[watch]]",
                 "smaller"},
