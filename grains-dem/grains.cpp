@@ -85,7 +85,13 @@ v1::Exchange Grains::start(const v1::Exchange& initial, const std::filesystem::p
     board_->report(part, "deposit");
     if (board_->stop_requested()) throw Interrupted();
   };
-  medium_ = make_medium(scene_, initial.has_wet_surface() ? &surface_ : nullptr, positions, monitor);
+  try {
+    medium_ = make_medium(scene_, initial.has_wet_surface() ? &surface_ : nullptr, positions, monitor);
+  } catch (const Breakdown& breakdown) {
+    throw Diverged("position",
+                   fmt::format("grain {} {}, while grains are deposited", breakdown.grain, breakdown.what()),
+                   breakdown.advice);
+  }
   if (scene_.repeats_windows) medium_->keep();
   series_ = std::make_unique<FieldSeries>(folder_, "frame");
   work_ = {};

@@ -321,6 +321,20 @@ TEST(Deposit, FindsTheFrictionOfATargetPorosity) {
   }
 }
 
+TEST(Deposit, NamesGrainsThatGoThroughEachOther) {
+  const std::string scene = replaced(
+      replaced(kHeap, "normal_stiffness = 1e6", "normal_stiffness = 1000"), "[[watch]]",
+      "[grains.deposit]\ngravity = [0, -9.81]\nend_time = 1.0\nfriction = 0.1\nrestitution = 0.9\n[[watch]]");
+  try {
+    const Running run(scene);
+    FAIL() << "discs of 1 kg/m on springs of 1000 N/m";
+  } catch (const Diverged& problem) {
+    EXPECT_THAT(problem.what(), testing::ContainsRegex("grain [0-9]+ goes through grain [0-9]+ at"));
+    EXPECT_THAT(problem.what(), HasSubstr("while grains are deposited"));
+    EXPECT_THAT(problem.advice, HasSubstr("raise normal_stiffness"));
+  }
+}
+
 TEST(Deposit, TellsTheFrictionItFound) {
   const std::string heap =
       replaced(kHeap, "[[watch]]",
