@@ -100,18 +100,28 @@ void for_each_touch(const std::vector<Wall<D>>& walls, const State<D>& state, st
   }
 }
 
+// A touch that begins with the centre behind the line, and by far: one that went through from the grains'
+// side was felt before, and is pushed back.
+template <int D>
+bool comes_from_behind(const Wall<D>& wall, const WallTouch<D>& touch, double radius) {
+  return D == 2 && !wall.is_plane() && touch.overlap > 1.5 * radius;
+}
+
 }  // namespace
 
 template <int D>
-void sweep_walls(const LawFunctions<D>& law, double dt, double lag, const std::vector<Wall<D>>& walls,
-                 std::size_t block, const std::vector<std::uint32_t>& first_contact, State<D>& state,
-                 std::vector<Vector<D>>& wall_force, EnergyLedger& ledger) {
+std::size_t sweep_walls(const LawFunctions<D>& law, double dt, double lag, const std::vector<Wall<D>>& walls,
+                        std::size_t block, const std::vector<std::uint32_t>& first_contact, State<D>& state,
+                        std::vector<Vector<D>>& wall_force, EnergyLedger& ledger) {
   const std::size_t memory = wall_memory(state);
+  std::size_t from_behind = kNoWallContact;
   const auto push = [&](std::size_t n, const WallTouch<D>& touch) {
     WallContact& contact = state.wall_contact[n];
     double* history = state.wall_history.data() + memory * n;
     wall_force[n] = {};
+    const bool begins = contact.element == kNoElement;
     contact.element = touch.overlap > 0 ? touch.element : kNoElement;
+    if (begins && comes_from_behind(walls[contact.wall], touch, state.radius[contact.grain])) from_behind = n;
     if (!(touch.overlap > 0)) {
       std::fill_n(history, memory, 0.0);
       return;
@@ -130,6 +140,7 @@ void sweep_walls(const LawFunctions<D>& law, double dt, double lag, const std::v
     carry_history(touches, memory, state.wall_history.data() + memory * n);
   };
   for_each_touch(walls, state, first_contact[block], first_contact[block + 1], carry, push);
+  return from_behind;
 }
 
 void add_node_forces(const std::vector<Wall<2>>& walls, const State<2>& state,
@@ -192,12 +203,12 @@ std::vector<ContactRecord<D>> measure_contacts(const LawFunctions<D>& law, const
 
 template LawFunctions<2> law_functions<2>(const LawChoice&);
 template LawFunctions<3> law_functions<3>(const LawChoice&);
-template void sweep_walls(const LawFunctions<2>&, double, double, const std::vector<Wall<2>>&, std::size_t,
-                          const std::vector<std::uint32_t>&, State<2>&, std::vector<Vector<2>>&,
-                          EnergyLedger&);
-template void sweep_walls(const LawFunctions<3>&, double, double, const std::vector<Wall<3>>&, std::size_t,
-                          const std::vector<std::uint32_t>&, State<3>&, std::vector<Vector<3>>&,
-                          EnergyLedger&);
+template std::size_t sweep_walls(const LawFunctions<2>&, double, double, const std::vector<Wall<2>>&,
+                                 std::size_t, const std::vector<std::uint32_t>&, State<2>&,
+                                 std::vector<Vector<2>>&, EnergyLedger&);
+template std::size_t sweep_walls(const LawFunctions<3>&, double, double, const std::vector<Wall<3>>&,
+                                 std::size_t, const std::vector<std::uint32_t>&, State<3>&,
+                                 std::vector<Vector<3>>&, EnergyLedger&);
 template std::vector<ContactRecord<2>> measure_contacts(const LawFunctions<2>&, const SweepInput<2>&,
                                                         const std::vector<Wall<2>>&, const State<2>&);
 template std::vector<ContactRecord<3>> measure_contacts(const LawFunctions<3>&, const SweepInput<3>&,

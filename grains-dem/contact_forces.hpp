@@ -101,12 +101,15 @@ inline ContactKinematics<D> pair_kinematics(const GrainPair<D>& pair, const Vect
   return k;
 }
 
+inline constexpr std::size_t kNoWallContact = static_cast<std::size_t>(-1);
+
 /// Forces of walls on the grains of one block; `wall_force` (one entry per wall contact) receives the force
-/// on the wall.
+/// on the wall. Gives back a contact whose grain came at a polyline from behind, which would throw it through
+/// with energy from nowhere, or kNoWallContact.
 template <int D>
-void sweep_walls(const LawFunctions<D>& law, double dt, double lag, const std::vector<Wall<D>>& walls,
-                 std::size_t block, const std::vector<std::uint32_t>& first_contact, State<D>& state,
-                 std::vector<Vector<D>>& wall_force, EnergyLedger& ledger);
+std::size_t sweep_walls(const LawFunctions<D>& law, double dt, double lag, const std::vector<Wall<D>>& walls,
+                        std::size_t block, const std::vector<std::uint32_t>& first_contact, State<D>& state,
+                        std::vector<Vector<D>>& wall_force, EnergyLedger& ledger);
 
 /// Divides the forces on polylines (one per wall contact) between their nodes: adds force times `dt` to
 /// `node_force`, per wall 2 per node. In the order of the contacts, whatever the number of threads.

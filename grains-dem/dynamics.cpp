@@ -161,6 +161,16 @@ void Dynamics<D>::name_pair_that_goes_through(double dt) const {
 }
 
 template <int D>
+void Dynamics<D>::name_grain_behind(std::size_t wall_contact) const {
+  const WallContact& contact = state_.wall_contact[wall_contact];
+  throw Breakdown(
+      state_.identity[contact.grain],
+      fmt::format("comes at the wall '{}' from behind", walls_[contact.wall].name),
+      "a polyline holds grains on the left of its segments, walked from node to node: give its nodes "
+      "in the other order, or a closed line around its thickness");
+}
+
+template <int D>
 void Dynamics<D>::after_rebuild() {
   prepare_cross_forces(state_, cross_);
   const std::size_t blocks = block_count(state_.size());
@@ -172,6 +182,7 @@ void Dynamics<D>::after_rebuild() {
   block_ledger_.resize(blocks);
   block_work_.resize(blocks);
   block_through_.resize(blocks);
+  block_behind_.resize(blocks);
   block_displacement_.resize(blocks);
 }
 
@@ -281,9 +292,10 @@ void Dynamics<D>::evaluate(double dt) {
       block_through_[b] = law_.sweep_pairs(input_, b, state_, cross_, block_ledger_[b]) ? 1 : 0;
       if (settings_.lubrication.active())
         sweep_lubrication(settings_.lubrication, input_, b, state_, cross_, block_ledger_[b]);
+      block_behind_[b] = kNoWallContact;
       if (first_wall_contact_[b] == first_wall_contact_[b + 1]) continue;
-      sweep_walls(law_, dt, input_.lag, walls_, b, first_wall_contact_, state_, wall_force_,
-                  block_ledger_[b]);
+      block_behind_[b] = sweep_walls(law_, dt, input_.lag, walls_, b, first_wall_contact_, state_,
+                                     wall_force_, block_ledger_[b]);
       if (settings_.lubrication.active())
         sweep_plane_lubrication(settings_.lubrication, dt, input_.lag, walls_, b, first_wall_contact_, state_,
                                 wall_force_, block_ledger_[b]);
@@ -292,6 +304,8 @@ void Dynamics<D>::evaluate(double dt) {
   for (std::size_t b = 0; b < blocks; ++b) state_.ledger += block_ledger_[b];
   for (const std::uint8_t through : block_through_)
     if (through != 0) name_pair_that_goes_through(dt);
+  for (const std::size_t behind : block_behind_)
+    if (behind != kNoWallContact) name_grain_behind(behind);
   if (bonds_.size() > 0)
     state_.ledger.normal +=
         add_bond_forces(settings_.bond_law, settings_.domain, dt, bonds_, state_, state_.bond_loss);

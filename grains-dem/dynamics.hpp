@@ -128,6 +128,7 @@ private:
   void after_rebuild();
   void check_finite() const;
   [[noreturn]] void name_pair_that_goes_through(double dt) const;
+  [[noreturn]] void name_grain_behind(std::size_t wall_contact) const;
   void advance_verlet(double dt, std::uint64_t steps, const StepMonitor& monitor);
   void advance_gear(double dt, std::uint64_t steps, const StepMonitor& monitor);
 
@@ -145,6 +146,7 @@ private:
   std::vector<EnergyLedger> block_ledger_;
   std::vector<double> block_work_, block_displacement_;
   std::vector<std::uint8_t> block_through_;
+  std::vector<std::size_t> block_behind_;  // a wall contact from behind, or kNoWallContact
   double smallest_radius_ = 0;
   bool external_torque_ = false;
   double energy_at_start_ = 0, ledger_at_start_ = 0;

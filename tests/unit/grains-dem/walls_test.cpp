@@ -1,4 +1,5 @@
 // Planes and polylines: rest, corners, thin walls, motion, and what they feel.
+#include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
 #include "assemblies.hpp"
@@ -70,6 +71,28 @@ TEST(Polyline, ThinWallHoldsGrainsOnBothSides) {
     const bool left = s.identity[i] == 0;
     EXPECT_NEAR(s.velocity[2 * i], (left ? -0.1 : 0.1) * cut_restitution(0.5), 2e-3);
     EXPECT_NEAR(s.velocity[2 * i + 1], 0, 1e-12);
+  }
+}
+
+// Thrown through, it would have twice its radius of overlap at once: energy from nowhere.
+TEST(Polyline, GrainThatComesFromBehindEndsTheRun) {
+  auto settings = test::free_space<2>(1e6, 0.5);
+  settings.gravity = {0, -9.81};
+  const auto fall_on = [&](const std::vector<double>& nodes) {
+    InitialGrains<2> grains;
+    add_grain<2>(grains, {0, 0.02}, {0, 0}, 0.01);
+    Dynamics<2> dynamics(settings, grains, {polyline(nodes, settings.constants)});
+    dynamics.advance(0.3, 6000);
+    return dynamics.state().position[1];
+  };
+  EXPECT_NEAR(fall_on({-1, 0, 1, 0}), 0.01, 1e-4);
+  try {
+    fall_on({1, 0, -1, 0});
+    ADD_FAILURE() << "nothing was said";
+  } catch (const Breakdown& breakdown) {
+    EXPECT_EQ(breakdown.grain, 0u);
+    EXPECT_THAT(breakdown.what(), testing::HasSubstr("from behind"));
+    EXPECT_THAT(breakdown.advice, testing::HasSubstr("in the other order"));
   }
 }
 
