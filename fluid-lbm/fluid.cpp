@@ -154,7 +154,7 @@ void Fluid::place_bodies(double time, double fraction, bool fill) {
   if (saturated) flow_->place_grains(grains_.after_step(fraction));
   const bool links = grains_.active() && !saturated;
   if (links || bodies_->obstacle_count() > 0) {
-    bodies_->place(time, links ? grains_.at(fraction) : Grains{}, *flow_, fill);
+    bodies_->place(time, links ? grains_.in_step(fraction) : Grains{}, *flow_, fill);
   }
 }
 

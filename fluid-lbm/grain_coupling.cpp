@@ -72,12 +72,20 @@ bool GrainCoupling::resting() const {
                       all_zero(start_.spin) && all_zero(end_.spin));
 }
 
-Grains GrainCoupling::at(double fraction) const {
-  return to_lattice(between(start_, end_, fraction, duration_), grid_, units_);
+double GrainCoupling::later(double fraction, double steps) const {
+  return duration_ > 0 ? std::min(1.0, fraction + steps * units_.time_step / duration_) : fraction;
+}
+
+Grains GrainCoupling::in_step(double fraction) const {
+  Grains now = between(start_, end_, fraction, duration_);
+  Grains middle = between(start_, end_, later(fraction, 0.5), duration_);
+  now.velocity = std::move(middle.velocity);
+  now.spin = std::move(middle.spin);
+  return to_lattice(now, grid_, units_);
 }
 
 Grains GrainCoupling::after_step(double fraction) const {
-  return at(duration_ > 0 ? std::min(1.0, fraction + units_.time_step / duration_) : fraction);
+  return to_lattice(between(start_, end_, later(fraction, 1), duration_), grid_, units_);
 }
 
 void GrainCoupling::write(const GrainLoads& loads, bool filled, v1::Exchange& outputs) const {

@@ -25,8 +25,9 @@ public:
   void take(const v1::Exchange& inputs, double duration, bool steady);
   /// No grain moves or turns in this window.
   [[nodiscard]] bool resting() const;
-  /// Where they are a fraction of the window after its start, lattice units.
-  [[nodiscard]] Grains at(double fraction) const;
+  /// Where they are when a step begins, a fraction of the window after its start, with the velocity that
+  /// they have in the middle of the step, lattice units: what links at their walls work with.
+  [[nodiscard]] Grains in_step(double fraction) const;
   /// One time step later: what the collision of a step that begins there works with, so that the fluid feels
   /// a window's last velocity in that window already.
   [[nodiscard]] Grains after_step(double fraction) const;
@@ -42,6 +43,7 @@ private:
   // was is taken, else it would move back through the whole of the fluid inside the window. Its place is
   // counted on from window to window, so that a window begins where the last one ended, to the bit.
   void go_on_across_periodic_sides();
+  [[nodiscard]] double later(double fraction, double steps) const;
 
   bool active_ = false;
   Grid grid_;

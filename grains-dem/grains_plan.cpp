@@ -102,6 +102,11 @@ void check_against_fluid(const GrainsScene& scene, double smallest, bool any_mov
                     "(README, resolution)",
                     2 * smallest / *fluid.spacing));
   if (!any_moves) return;
+  if (fluid.may_resound)
+    plan.warnings.push_back(fmt::format(
+        "grains about as heavy as the fluid, and {:.3g} steps of the fluid between exchanges: sound "
+        "may grow with what the exchange delays; coupling.window = {:g} exchanges at every step",
+        scene.window / *fluid.time_step, *fluid.time_step));
   constexpr std::array<char, 3> axes{'x', 'y', 'z'};
   for (std::size_t c = 0; c < scene.axes(); ++c) {
     if (!fluid.periodic[c] || *fluid.periodic[c] == scene.periodic[c]) continue;
@@ -260,9 +265,14 @@ Plan plan_of(const GrainsScene& scene) {
     add("walls", walls_of(scene));
   if (gravity == 0) plan.left_out.emplace_back("gravity");
   if (scene.fluid.virtual_mass > 0 && scene.coupled_to_fluid)
-    add("virtual mass", fmt::format("{:g} of the fluid displaced", scene.fluid.virtual_mass));
+    add("virtual mass", scene.fluid.virtual_mass_over_radius > 0
+                            ? fmt::format("{:.3g} m over the radius of the fluid displaced, at most {:g}",
+                                          scene.fluid.virtual_mass_over_radius, scene.fluid.virtual_mass)
+                            : fmt::format("{:g} of the fluid displaced", scene.fluid.virtual_mass));
   else if (scene.coupled_to_fluid)
     plan.left_out.emplace_back("virtual mass: the grains outweigh the fluid");
+  if (scene.fluid.lead > 0 && scene.coupled_to_fluid)
+    add("forces carried on", fmt::format("by {:g} windows", scene.fluid.lead));
   if (!scene.repeats_windows)
     plan.left_out.emplace_back("copies of the window's start: no window is repeated");
   plan.variant = variant_of(scene);

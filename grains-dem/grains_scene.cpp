@@ -75,6 +75,37 @@ void read_material(SceneTable& grains, GrainsScene& result) {
   c = with_material(result, c.friction, result.restitution);
 }
 
+// How the delay of an explicit exchange is met; `density` of the lightest grain that moves, in fluid
+// densities. The limits were found from the force on a disc after a step of its velocity (README, "Grains in
+// a fluid").
+void read_answer(SceneTable& table, double density, GrainsScene& result) {
+  FluidScene& fluid = result.fluid;
+  const bool explicitly = result.coupled_to_fluid && !result.steady && !result.repeats_windows;
+  const bool every_step =
+      explicitly && fluid.time_step && std::abs(*fluid.time_step - result.window) < 1e-6 * result.window;
+  fluid.may_resound = explicitly && density < 1.5 && fluid.time_step && !every_step;
+  double mass = 0, over_radius = 0, lead = 0;
+  if (every_step && density < 2 && fluid.interpolated && fluid.spacing) {
+    // What the links of a wall answer at once falls with the spacings across.
+    mass = 1;
+    over_radius = 1.2 * *fluid.spacing;
+    lead = 1;
+  } else if (every_step && density < 2 && density >= 0.9 && !fluid.interpolated) {
+    mass = 0.3;
+    lead = 0.5;
+  } else if (result.coupled_to_fluid && density < 1.2) {
+    // Partially saturated cells carry the mass of the fluid inside along: the lightest need more. No more
+    // than is needed: with stiff springs (contacts, fluid closed in between grains) the delay of C m_f feeds
+    // vibrations.
+    mass = density < 0.5 ? 4 : density < 0.9 ? 1 : 0.5;
+  }
+  fluid.virtual_mass_over_radius = table.has("virtual_mass") ? 0 : over_radius;
+  fluid.virtual_mass = table.number_or("virtual_mass", mass, {0, 100});
+  fluid.lead = table.number_or("lead", lead, {0, 2});
+  if (fluid.lead > 0 && result.repeats_windows)
+    table.problem("lead", "windows are repeated until forces and motion fit: leave it out");
+}
+
 void read_fluid(SceneTable& grains, GrainsScene& result) {
   auto fluid = grains.table_if("fluid");
   if (!fluid) return;
@@ -93,12 +124,7 @@ void read_fluid(SceneTable& grains, GrainsScene& result) {
   double lightest = std::numeric_limits<double>::infinity();
   for (const GroupScene& group : result.groups)
     if (!group.held) lightest = std::min(lightest, group.density);
-  const bool light = result.coupled_to_fluid && lightest < 1.2 * result.fluid.density;
-  // Partially saturated cells carry the mass of the fluid inside along: the lightest need more. No more than
-  // is needed: with stiff springs (contacts, fluid closed in between grains) the delay of C m_f feeds
-  // vibrations.
-  const double enough = lightest < 0.5 * result.fluid.density ? 4.0 : 1.0;
-  result.fluid.virtual_mass = fluid->number_or("virtual_mass", light ? enough : 0.0, {0, 100});
+  read_answer(*fluid, lightest / result.fluid.density, result);
 }
 
 // Of the fluid's own table, which its participant judges.
@@ -106,6 +132,8 @@ void read_beside(SceneTable& fluid, GrainsScene& result) {
   result.fluid.has_body_force = fluid.has("body_force");
   if (fluid.has("density")) result.fluid.lattice_density = fluid.number("density");
   if (fluid.has("spacing")) result.fluid.spacing = fluid.number("spacing");
+  if (fluid.has("time_step")) result.fluid.time_step = fluid.number("time_step");
+  result.fluid.interpolated = fluid.has("grains") && fluid.text("grains") == "interpolated";
   auto sides = fluid.table_if("sides");
   if (!sides) return;
   constexpr std::array<const char*, 3> low{"left", "bottom", "back"};

@@ -88,13 +88,17 @@ struct FluidScene {
   double density = 0;
   bool reduced_gravity =
       true;  // less the weight of the fluid displaced, or whole: the fluid's own pressure carries
-  double virtual_mass = 0;  // in masses of the fluid displaced; see medium.hpp
+  // See medium.hpp: in masses of the fluid displaced, at most this over the radius, where that is not 0 [m];
+  // windows by which forces and accelerations are carried on.
+  double virtual_mass = 0, virtual_mass_over_radius = 0, lead = 0;
+  bool may_resound = false;  // light grains and several steps of the fluid in a window
   // Body force that drives the fluid, expressions of t: its pressure gradient acts on grains too. Empty when
   // there is none.
   std::vector<std::string> acceleration;
   bool has_body_force = false;  // in the fluid's own table: gravity or what drives it
   // What else the fluid's own table says, to hold the grains' against.
-  std::optional<double> lattice_density, spacing;
+  std::optional<double> lattice_density, spacing, time_step;
+  bool interpolated = false;  // of the two ways in which the fluid meets grains
   std::array<std::optional<bool>, 3> periodic{};
 };
 

@@ -73,9 +73,14 @@ private:
   std::optional<std::size_t> surface_wall_;
   std::vector<Expression> drive_;  // accelerations of the fluid by the body force that drives it
   std::vector<double> mass_, displaced_mass_, given_force_, given_torque_;
-  // Empty without virtual mass; accelerations over the last window, in the scene's order.
-  std::vector<double> virtual_mass_, virtual_inertia_, acceleration_, turning_;
-  std::vector<double> kept_acceleration_, kept_turning_;
+  std::vector<double> last_force_;  // given for the window before, where forces are carried on
+  // Empty without virtual mass; accelerations over the last window and as expected of the next, in the
+  // scene's order.
+  std::vector<double> virtual_mass_, virtual_inertia_;
+  struct Accelerations {
+    std::vector<double> last, expected, last_turning, expected_turning;
+  };
+  Accelerations accelerations_, kept_accelerations_;
   Cement<D> cement_;
   // What the search for a porosity found.
   std::optional<double> deposit_friction_, deposit_porosity_;

@@ -93,7 +93,8 @@ void GranularMedium<D>::advance(double duration, std::uint64_t steps, const Step
   // Acceleration by what acts from outside alone, in the scene's order.
   const State<D>& state = dynamics_->state();
   constexpr std::size_t s = spin_components<D>;
-  std::vector<double> outside(acceleration_.size()), outside_turning(turning_.size());
+  Accelerations& a = accelerations_;
+  std::vector<double> outside(a.last.size()), outside_turning(a.last_turning.size());
   for (std::size_t i = 0; i < state.size(); ++i) {
     const std::size_t k = state.identity[i];
     for (std::size_t c = 0; c < D; ++c)
@@ -101,20 +102,31 @@ void GranularMedium<D>::advance(double duration, std::uint64_t steps, const Step
     for (std::size_t c = 0; c < s; ++c)
       outside_turning[s * k + c] = state.inverse_inertia[i] * state.external_torque[s * i + c];
   }
-  gather_velocities(-1 / duration, acceleration_, turning_);
+  // Until the velocities after it are there: the acceleration before the last one, and the velocities before.
+  a.expected.swap(a.last);
+  a.expected_turning.swap(a.last_turning);
+  gather_velocities(-1 / duration, a.last, a.last_turning);
   dynamics_->advance(duration, steps, monitor);
-  std::vector<double> velocity(acceleration_.size()), spin(turning_.size());
+  std::vector<double> velocity(a.last.size()), spin(a.last_turning.size());
   gather_velocities(1 / duration, velocity, spin);
-  for (std::size_t k = 0; k < velocity.size(); ++k) acceleration_[k] += velocity[k];
-  for (std::size_t k = 0; k < spin.size(); ++k) turning_[k] += spin[k];
+  const auto go_on = [lead = scene_.fluid.lead](std::vector<double>& last, std::vector<double>& expected,
+                                                const std::vector<double>& now) {
+    for (std::size_t k = 0; k < now.size(); ++k) {
+      last[k] += now[k];
+      expected[k] = last[k] + lead * (last[k] - expected[k]);
+    }
+  };
+  go_on(a.last, a.expected, velocity);
+  go_on(a.last_turning, a.expected_turning, spin);
   // A blow is over when the next window begins: going on with it would throw the grain back faster than it
   // came.
   constexpr double kBlow = 10;
   for (std::size_t k = 0; k < mass_.size(); ++k) {
-    if (norm(grains::load<D>(acceleration_.data(), k)) <= kBlow * norm(grains::load<D>(outside.data(), k)))
-      continue;
-    store<D>(acceleration_.data(), k, grains::load<D>(outside.data(), k));
-    store<s>(turning_.data(), k, grains::load<s>(outside_turning.data(), k));
+    if (norm(grains::load<D>(a.last.data(), k)) <= kBlow * norm(grains::load<D>(outside.data(), k))) continue;
+    for (std::vector<double>* values : {&a.last, &a.expected})
+      store<D>(values->data(), k, grains::load<D>(outside.data(), k));
+    for (std::vector<double>* values : {&a.last_turning, &a.expected_turning})
+      store<s>(values->data(), k, grains::load<s>(outside_turning.data(), k));
   }
 }
 
@@ -142,6 +154,11 @@ void GranularMedium<D>::set_fluid_forces(std::span<const double> force, std::spa
   std::vector<double> total(D * mass_.size());
   for (std::size_t k = 0; k < total.size(); ++k) total[k] = displaced_mass_[k / D] * gradient[k % D];
   for (std::size_t k = 0; k < given_force_.size(); ++k) total[k] += given_force_[k];
+  if (scene_.fluid.lead > 0) {
+    for (std::size_t k = 0; k < last_force_.size(); ++k)
+      total[k] += scene_.fluid.lead * (given_force_[k] - last_force_[k]);
+    last_force_ = given_force_;
+  }
   if (virtual_mass_.empty()) {
     dynamics_->set_external(total, given_torque_);
   } else {
@@ -149,9 +166,9 @@ void GranularMedium<D>::set_fluid_forces(std::span<const double> force, std::spa
     std::vector<double> total_torque(s * mass_.size(), 0.0);
     std::copy(given_torque_.begin(), given_torque_.end(), total_torque.begin());
     for (std::size_t k = 0; k < total.size(); ++k)  // a virtual mass weighs nothing
-      total[k] += virtual_mass_[k / D] * (acceleration_[k] - dynamics_->settings().gravity[k % D]);
+      total[k] += virtual_mass_[k / D] * (accelerations_.expected[k] - dynamics_->settings().gravity[k % D]);
     for (std::size_t k = 0; k < total_torque.size(); ++k)
-      total_torque[k] += virtual_inertia_[k / s] * turning_[k];
+      total_torque[k] += virtual_inertia_[k / s] * accelerations_.expected_turning[k];
     dynamics_->set_external(total, total_torque);
   }
   fluid_force_ = {};
@@ -186,16 +203,14 @@ void GranularMedium<D>::take_cement_loads(std::span<const double> force, std::sp
 template <int D>
 void GranularMedium<D>::keep() {
   kept_.emplace(dynamics_->snapshot());
-  kept_acceleration_ = acceleration_;
-  kept_turning_ = turning_;
+  kept_accelerations_ = accelerations_;
 }
 
 template <int D>
 void GranularMedium<D>::go_back() {
   if (!kept_) return;
   dynamics_->restore(*kept_);
-  acceleration_ = kept_acceleration_;
-  turning_ = kept_turning_;
+  accelerations_ = kept_accelerations_;
 }
 
 template <int D>
@@ -235,18 +250,24 @@ void GranularMedium<D>::fill(v1::GrainStates& states) const {
 
 template <int D>
 void GranularMedium<D>::add_virtual_mass(InitialGrains<D>& grains) {
-  if (scene_.fluid.virtual_mass == 0 || !scene_.coupled_to_fluid) return;
+  const FluidScene& fluid = scene_.fluid;
+  if (fluid.virtual_mass == 0 || !scene_.coupled_to_fluid) return;
   constexpr std::size_t s = spin_components<D>;
+  accelerations_.last.assign(D * grains.size(), 0.0);
+  accelerations_.last_turning.assign(s * grains.size(), 0.0);
+  accelerations_.expected = accelerations_.last;
+  accelerations_.expected_turning = accelerations_.last_turning;
   for (std::size_t i = 0; i < grains.size(); ++i) {
     const double r = grains.radius[i] - scene_.contact_margin;
-    const double mass = scene_.fluid.virtual_mass * scene_.fluid.density * grain_volume(D, r);
+    const double share = fluid.virtual_mass_over_radius > 0
+                             ? std::min(fluid.virtual_mass, fluid.virtual_mass_over_radius / r)
+                             : fluid.virtual_mass;
+    const double mass = share * fluid.density * grain_volume(D, r);
     virtual_mass_.push_back(mass);
     virtual_inertia_.push_back(grain_inertia(D, mass, r));
     grains.mass[i] += mass;
     grains.inertia[i] += virtual_inertia_.back();
   }
-  acceleration_.assign(D * grains.size(), 0.0);
-  turning_.assign(s * grains.size(), 0.0);
 }
 
 template <int D>

@@ -34,11 +34,16 @@ public:
   /// The fluid answers a grain's acceleration one exchange late. Where its added mass exceeds the grain's
   /// own, that delay grows without bound. With C masses of the displaced fluid m_f as virtual mass the grain
   /// moves by
-  ///     (m + C m_f) a = F + C m_f a_old,
-  /// a_old being its mean acceleration over the last window: the same equation as long as accelerations
-  /// change little from one window to the next, and stable for any m when m_added < 2 C m_f + m. Source: the
-  /// idea of Schwarz, Kempe, Froehlich, J. Comput. Phys. 281 (2015). Where a_old is a blow (above ten times
-  /// what acts from outside) that outer part is taken instead.
+  ///     (m + C m_f) a = F + C m_f a_expected,
+  /// a_expected = a_1 + lead (a_1 - a_2) from its mean accelerations over the last two windows: the same
+  /// equation as long as accelerations change little from one window to the next, and with lead = 0 stable
+  /// for any m when m_added < 2 C m_f + m. Source: the idea of Schwarz, Kempe, Froehlich, J. Comput. Phys.
+  /// 281 (2015). Where a_1 is a blow (above ten times what acts from outside) that outer part is taken
+  /// instead.
+  ///
+  /// A late answer is work: sound in a closed box takes it up and grows where little damps it. So what acts
+  /// in a window is F = F_1 + lead (F_1 - F_2), carried on from the forces that came for it and before;
+  /// torques act as they come.
   virtual void set_fluid_forces(std::span<const double> force, std::span<const double> torque,
                                 double time) = 0;
   /// What the balance of energies misses, over the energy turned over; a look at every contact.

@@ -71,8 +71,14 @@ void GranularMedium<D>::save(const std::filesystem::path& file) const {
     writer.add(fmt::format("gear_angle_{}", k), snapshot.gear_angle[k]);
   }
   if (!virtual_mass_.empty()) {
-    writer.add("acceleration", acceleration_);
-    writer.add("turning", turning_);
+    writer.add("acceleration", accelerations_.last);
+    writer.add("expected_acceleration", accelerations_.expected);
+    writer.add("turning", accelerations_.last_turning);
+    writer.add("expected_turning", accelerations_.expected_turning);
+  }
+  if (scene_.fluid.lead > 0) {
+    writer.add("last_forces", static_cast<std::uint64_t>(last_force_.size()));
+    if (!last_force_.empty()) writer.add("last_force", last_force_);
   }
   writer.commit();
 }
@@ -174,9 +180,23 @@ void GranularMedium<D>::load(const std::filesystem::path& file) {
   reader.read("numbers", numbers);
   if (!virtual_mass_.empty()) {
     for (auto [name, values] : std::initializer_list<std::pair<const char*, std::vector<double>*>>{
-             {"acceleration", &acceleration_}, {"turning", &turning_}}) {
+             {"acceleration", &accelerations_.last},
+             {"expected_acceleration", &accelerations_.expected},
+             {"turning", &accelerations_.last_turning},
+             {"expected_turning", &accelerations_.expected_turning}}) {
       reader.read(name, *values);
       finite(*values);
+    }
+  }
+  if (scene_.fluid.lead > 0) {
+    const std::size_t count = reader.read_count("last_forces");
+    if (count != 0 && count != D * mass_.size())
+      throw std::runtime_error(fmt::format("{} holds {} components of the fluid's last forces, not {}",
+                                           file.string(), count, D * mass_.size()));
+    last_force_.resize(count);
+    if (count != 0) {
+      reader.read("last_force", last_force_);
+      finite(last_force_);
     }
   }
   state.time = numbers[0];

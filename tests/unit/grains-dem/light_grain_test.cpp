@@ -108,5 +108,90 @@ TEST(LightGrain, HeavyGrainsAreLeftAlone) {
   EXPECT_NE(velocity(2.5, "virtual_mass = 1", 50, 0.1), velocity(2.5, "virtual_mass = 0", 50, 0.1));
 }
 
+// Without weight, under forces 1, 2, 3, ... N of window after window: momentum after the last.
+double momentum(const std::string& lead, int windows) {
+  Scene scene = Scene::parse(R"(
+dimension = 2
+[coupling]
+mode = "transient"
+scheme = "serial-explicit"
+window = 1e-4
+end_time = 1.0
+[fluid]
+[grains]
+normal_stiffness = 1e4
+restitution = 0.5
+density = 5000
+[grains.fluid]
+density = 1000
+)" + lead + R"(
+[[grains.group]]
+positions = [[0.0, 0.0]]
+radius = 0.001
+)",
+                             "scene.toml");
+  Grains grains;
+  grains.configure(scene, "grains");
+  EXPECT_TRUE(scene.problems().empty());
+  const auto folder = std::filesystem::temp_directory_path() / ("grains-lead-" + std::to_string(::getpid()));
+  ProgressBoard board;
+  v1::Exchange states = grains.start({}, folder);
+  for (int w = 0; w < windows; ++w) {
+    v1::Exchange inputs;
+    auto& forces = *inputs.mutable_grain_forces();
+    forces.add_force(w + 1);
+    forces.add_force(0);
+    forces.add_torque(0);
+    states = grains
+                 .advance({.number = static_cast<std::uint64_t>(w + 1),
+                           .iteration = 1,
+                           .mode = Mode::transient,
+                           .time = w * kWindow,
+                           .duration = kWindow},
+                          inputs, board)
+                 .outputs;
+    grains.accept();
+  }
+  std::filesystem::remove_all(folder);
+  return 5000 * std::numbers::pi * 1e-6 * states.grain_states().velocity(0);
+}
+
+TEST(Lead, CarriesForcesOnByWindows) {
+  // The first has none before it; F_n + lead (F_n - F_(n-1)) = n + lead after it.
+  for (const int windows : {1, 2, 7}) {
+    const double sum = 0.5 * windows * (windows + 1);
+    EXPECT_NEAR(momentum("", windows), sum * kWindow, 1e-12);
+    EXPECT_NEAR(momentum("lead = 0.5", windows), (sum + 0.5 * (windows - 1)) * kWindow, 1e-12);
+    EXPECT_NEAR(momentum("lead = 1", windows), (sum + windows - 1) * kWindow, 1e-12);
+  }
+}
+
+TEST(Lead, IsNotForWindowsThatAreRepeated) {
+  Scene scene = Scene::parse(R"(
+dimension = 2
+[coupling]
+mode = "transient"
+scheme = "serial-implicit"
+window = 1e-4
+end_time = 1.0
+[fluid]
+[solid]
+[grains]
+normal_stiffness = 1e4
+restitution = 0.5
+density = 5000
+[grains.fluid]
+density = 1000
+lead = 1
+[[grains.group]]
+positions = [[0.0, 0.0]]
+radius = 0.001
+)",
+                             "scene.toml");
+  Grains grains;
+  grains.configure(scene, "grains");
+  ASSERT_EQ(scene.problems().size(), 1u);
+}
+
 }  // namespace
 }  // namespace estuary::grains
