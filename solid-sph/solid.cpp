@@ -115,8 +115,11 @@ v1::Exchange Solid::start(const v1::Exchange& initial, const std::filesystem::pa
     if (watch.hold) entry.held = held_particles(scene_, body_, *watch.hold);
     if (watch.point) {
       entry.point = *watch.point;
-      entry.rigid = rigid_at(*watch.point);
-      if (scene_.shell_at(*watch.point))
+      // A hair outside a rigid body counts: nodes of a contour lie on its corners. Not where a shell is,
+      // whose clamped end may lie on that contour.
+      const bool shell = scene_.shell_at(*watch.point);
+      entry.rigid = rigid_at(*watch.point, shell ? 0.0 : 0.1 * scene_.spacing);
+      if (shell)
         entry.transfer = row_transfer(body_, *watch.point);
       else if (!entry.rigid)
         entry.transfer = point_transfer(body_, *watch.point);

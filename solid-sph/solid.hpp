@@ -50,7 +50,7 @@ private:
   double find_equilibrium(const Window& window, const Monitor& monitor);
   [[nodiscard]] std::vector<std::pair<std::string, double>> body_quantities(std::size_t member) const;
   double settle_rigid_bodies(double time);
-  [[nodiscard]] std::optional<std::size_t> rigid_at(const std::array<double, 2>& point) const;
+  [[nodiscard]] std::optional<std::size_t> rigid_at(const std::array<double, 2>& point, double slip) const;
   [[nodiscard]] std::vector<std::pair<std::string, double>> rigid_quantities(
       std::size_t rigid, const std::array<double, 2>& point) const;
   [[noreturn]] void fail(const Breakdown& breakdown, const Window& window);

@@ -73,9 +73,7 @@ std::array<double, 3> Solid::reaction(double time) {
   return sum;
 }
 
-std::optional<std::size_t> Solid::rigid_at(const std::array<double, 2>& point) const {
-  // A hair outside counts: nodes of a contour lie on its corners.
-  const double slip = 0.1 * scene_.spacing;
+std::optional<std::size_t> Solid::rigid_at(const std::array<double, 2>& point, double slip) const {
   for (std::size_t r = 0; r < body_.rigid.size(); ++r) {
     const auto loops = scene_.bodies[body_.rigid[r].member].outline(scene_.spacing);
     for (const double dx : {0.0, -slip, slip})

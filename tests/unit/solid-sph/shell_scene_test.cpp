@@ -91,6 +91,47 @@ TEST(ShellScene, RunsWithItsEnergyInBalanceAndGoesOnBitForBitAfterALoad) {
   EXPECT_FALSE(one.solid.frame(1, 6e-3).empty());
 }
 
+// A hair outside a rigid body is still that body, but not where a shell is clamped at its side.
+TEST(ShellScene, APointOfItBesideAWallIsWatchedInTheShell) {
+  const std::string text = R"(dimension = 2
+[coupling]
+mode = "transient"
+window = 1e-3
+end_time = 1e-2
+[solid]
+solver = "solid-sph"
+spacing = 0.1
+[[solid.body]]
+name = "wall"
+kind = "rigid"
+box = { from = [-0.5, -0.5], to = [0.0, 0.5] }
+mass = 1.0
+held = ["x", "y", "rotation"]
+[[solid.body]]
+name = "plate"
+kind = "shell"
+polyline = [[0, 0], [1, 0]]
+thickness = 0.05
+density = 1000
+young_modulus = 1e6
+poisson_ratio = 0.3
+velocity = ["0", "-0.1 * x"]
+[[solid.hold]]
+body = "plate"
+region = [[-0.01, -0.01], [0.01, 0.01]]
+[solid.contact]
+method = "pinball"
+[[watch]]
+name = "edge"
+participant = "solid"
+point = [0.001, 0.0]
+)";
+  RunningShell clamped(text);
+  AdvanceResult result;
+  for (std::uint64_t window = 1; window <= 10; ++window) result = clamped.step(window);
+  EXPECT_LT(value_of(result, "edge", "shear_force"), -1e-3);
+}
+
 TEST(ShellScene, ViscousOnesGiveTheSameBitsInRepeatedWindowsAfterALoadAndWithOtherThreads) {
   // Enough particles for several threads.
   std::string text = replaced(kRing, "spacing = 0.1", "spacing = 0.005");
