@@ -102,11 +102,19 @@ void check_against_fluid(const GrainsScene& scene, double smallest, bool any_mov
                     "(README, resolution)",
                     2 * smallest / *fluid.spacing));
   if (!any_moves) return;
-  if (fluid.may_resound)
-    plan.warnings.push_back(fmt::format(
-        "grains about as heavy as the fluid, and {:.3g} steps of the fluid between exchanges: sound "
-        "may grow with what the exchange delays; coupling.window = {:g} exchanges at every step",
-        scene.window / *fluid.time_step, *fluid.time_step));
+  if (fluid.may_resound) {
+    const double steps = scene.window / *fluid.time_step;
+    plan.warnings.push_back(
+        steps > 1.5
+            ? fmt::format(
+                  "grains about as heavy as the fluid or lighter, and {:.3g} steps of the fluid between "
+                  "exchanges: sound may grow with what the exchange delays; coupling.window = {:g} "
+                  "exchanges at every step",
+                  steps, *fluid.time_step)
+            : "grains lighter than 0.9 of the fluid in partially saturated cells: sound may grow with what "
+              "the "
+              "exchange delays; fluid.grains = \"interpolated\" bears grains from 0.3 of its density on");
+  }
   constexpr std::array<char, 3> axes{'x', 'y', 'z'};
   for (std::size_t c = 0; c < scene.axes(); ++c) {
     if (!fluid.periodic[c] || *fluid.periodic[c] == scene.periodic[c]) continue;

@@ -83,7 +83,8 @@ void read_answer(SceneTable& table, double density, GrainsScene& result) {
   const bool explicitly = result.coupled_to_fluid && !result.steady && !result.repeats_windows;
   const bool every_step =
       explicitly && fluid.time_step && std::abs(*fluid.time_step - result.window) < 1e-6 * result.window;
-  fluid.may_resound = explicitly && density < 1.5 && fluid.time_step && !every_step;
+  fluid.may_resound = explicitly && fluid.time_step && density < (every_step ? 0.9 : 1.5) &&
+                      !(every_step && fluid.interpolated);
   double mass = 0, over_radius = 0, lead = 0;
   if (every_step && density < 2 && fluid.interpolated && fluid.spacing) {
     // What the links of a wall answer at once falls with the spacings across.

@@ -91,7 +91,7 @@ struct FluidScene {
   // See medium.hpp: in masses of the fluid displaced, at most this over the radius, where that is not 0 [m];
   // windows by which forces and accelerations are carried on.
   double virtual_mass = 0, virtual_mass_over_radius = 0, lead = 0;
-  bool may_resound = false;  // light grains and several steps of the fluid in a window
+  bool may_resound = false;  // grains too light for how and when the fluid meets them
   // Body force that drives the fluid, expressions of t: its pressure gradient acts on grains too. Empty when
   // there is none.
   std::vector<std::string> acceleration;

@@ -166,6 +166,50 @@ TEST(Lead, CarriesForcesOnByWindows) {
   }
 }
 
+// `fluid`: keys of the fluid's own table, `density` of a disc in fluid densities.
+std::string warned(const std::string& fluid, double density) {
+  Scene scene = Scene::parse(R"(
+dimension = 2
+[coupling]
+mode = "transient"
+scheme = "serial-explicit"
+window = 1e-4
+end_time = 1.0
+[fluid]
+spacing = 1e-4
+)" + fluid + R"(
+[grains]
+normal_stiffness = 1e4
+restitution = 0.5
+density = )" + std::to_string(1000 * density) +
+                                 R"(
+[grains.fluid]
+density = 1000
+[[grains.group]]
+positions = [[0.0, 0.0]]
+radius = 0.001
+)",
+                             "scene.toml");
+  Grains grains;
+  const Plan plan = grains.configure(scene, "grains");
+  EXPECT_TRUE(scene.problems().empty());
+  std::string all;
+  for (const std::string& warning : plan.warnings) all += warning;
+  return all;
+}
+
+TEST(Lead, WarnsWhereSoundMayGrow) {
+  const std::string every = "time_step = 1e-4\n", fifth = "time_step = 2e-5\n",
+                    links = "grains = \"interpolated\"\n";
+  for (const double density : {0.5, 1.0, 2.5}) EXPECT_EQ(warned(every + links, density), "");
+  EXPECT_EQ(warned(every, 1.0), "");
+  EXPECT_NE(warned(every, 0.5).find("lighter than 0.9 of the fluid"), std::string::npos);
+  for (const std::string& rule : {std::string(), links}) {
+    EXPECT_NE(warned(fifth + rule, 1.0).find("5 steps of the fluid between exchanges"), std::string::npos);
+    EXPECT_EQ(warned(fifth + rule, 2.5), "");
+  }
+}
+
 TEST(Lead, IsNotForWindowsThatAreRepeated) {
   Scene scene = Scene::parse(R"(
 dimension = 2
