@@ -77,15 +77,12 @@ double GrainCoupling::later(double fraction, double steps) const {
 }
 
 Grains GrainCoupling::in_step(double fraction) const {
-  Grains now = between(start_, end_, fraction, duration_);
-  Grains middle = between(start_, end_, later(fraction, 0.5), duration_);
-  now.velocity = std::move(middle.velocity);
-  now.spin = std::move(middle.spin);
-  return to_lattice(now, grid_, units_);
+  return to_lattice(between(start_, end_, fraction, later(fraction, 0.5), duration_), grid_, units_);
 }
 
 Grains GrainCoupling::after_step(double fraction) const {
-  return to_lattice(between(start_, end_, later(fraction, 1), duration_), grid_, units_);
+  const double after = later(fraction, 1);
+  return to_lattice(between(start_, end_, after, after, duration_), grid_, units_);
 }
 
 void GrainCoupling::write(const GrainLoads& loads, bool filled, v1::Exchange& outputs) const {

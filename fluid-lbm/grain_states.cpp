@@ -49,19 +49,24 @@ Grains read_grains(const v1::GrainStates& message, int dimension) {
   return grains;
 }
 
-Grains between(const Grains& start, const Grains& end, double s, double duration) {
-  if (s >= 1) return end;
-  const double h00 = (1 + 2 * s) * (1 - s) * (1 - s);
-  const double h10 = s * (1 - s) * (1 - s) * duration;
-  const double h01 = s * s * (3 - 2 * s);
-  const double h11 = s * s * (s - 1) * duration;
+Grains between(const Grains& start, const Grains& end, double place, double motion, double duration) {
   Grains now = end;
-  for (std::size_t k = 0; k < end.centre.size(); ++k) {
-    now.centre[k] =
-        h00 * start.centre[k] + h10 * start.velocity[k] + h01 * end.centre[k] + h11 * end.velocity[k];
-    now.velocity[k] = (1 - s) * start.velocity[k] + s * end.velocity[k];
+  if (place < 1) {
+    const double s = place;
+    const double h00 = (1 + 2 * s) * (1 - s) * (1 - s);
+    const double h10 = s * (1 - s) * (1 - s) * duration;
+    const double h01 = s * s * (3 - 2 * s);
+    const double h11 = s * s * (s - 1) * duration;
+    for (std::size_t k = 0; k < end.centre.size(); ++k)
+      now.centre[k] =
+          h00 * start.centre[k] + h10 * start.velocity[k] + h01 * end.centre[k] + h11 * end.velocity[k];
   }
-  for (std::size_t k = 0; k < end.spin.size(); ++k) now.spin[k] = (1 - s) * start.spin[k] + s * end.spin[k];
+  if (motion < 1) {
+    const double s = motion;
+    for (std::size_t k = 0; k < end.velocity.size(); ++k)
+      now.velocity[k] = (1 - s) * start.velocity[k] + s * end.velocity[k];
+    for (std::size_t k = 0; k < end.spin.size(); ++k) now.spin[k] = (1 - s) * start.spin[k] + s * end.spin[k];
+  }
   return now;
 }
 

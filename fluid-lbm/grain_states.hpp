@@ -12,9 +12,11 @@ namespace estuary::fluid {
 /// not positive. SI units.
 [[nodiscard]] Grains read_grains(const v1::GrainStates& message, int dimension);
 
-/// The grains a fraction of the window after `start`: centres by cubic Hermite interpolation, so that they
-/// move off and arrive with their velocities; velocity and spin linearly.
-[[nodiscard]] Grains between(const Grains& start, const Grains& end, double fraction, double duration);
+/// The grains inside a window: centres the fraction `place` after `start`, by cubic Hermite interpolation, so
+/// that they move off and arrive with their velocities; velocity and spin the fraction `motion` after it,
+/// linearly.
+[[nodiscard]] Grains between(const Grains& start, const Grains& end, double place, double motion,
+                             double duration);
 
 [[nodiscard]] Grains to_lattice(const Grains& grains, const Grid& grid, const Units& units);
 

@@ -112,8 +112,7 @@ void check_against_fluid(const GrainsScene& scene, double smallest, bool any_mov
                   "exchanges at every step",
                   steps, *fluid.time_step)
             : "grains lighter than 0.9 of the fluid in partially saturated cells: sound may grow with what "
-              "the "
-              "exchange delays; fluid.grains = \"interpolated\" bears grains from 0.3 of its density on");
+              "the exchange delays; fluid.grains = \"interpolated\" bears grains from 0.3 of its density on");
   }
   constexpr std::array<char, 3> axes{'x', 'y', 'z'};
   for (std::size_t c = 0; c < scene.axes(); ++c) {

@@ -76,8 +76,7 @@ void read_material(SceneTable& grains, GrainsScene& result) {
 }
 
 // How the delay of an explicit exchange is met; `density` of the lightest grain that moves, in fluid
-// densities. The limits were found from the force on a disc after a step of its velocity (README, "Grains in
-// a fluid").
+// densities. The limits were found from the force on a disc after a step of its velocity (README, "Fluid").
 void read_answer(SceneTable& table, double density, GrainsScene& result) {
   FluidScene& fluid = result.fluid;
   const bool explicitly = result.coupled_to_fluid && !result.steady && !result.repeats_windows;

@@ -3,8 +3,10 @@
 #include <gtest/gtest.h>
 #include <unistd.h>
 
+#include <array>
 #include <cmath>
 #include <numbers>
+#include <vector>
 
 #include "grains.hpp"
 
@@ -13,31 +15,22 @@ namespace {
 
 constexpr double kWindow = 1e-4;
 
-// Velocity after `windows` windows of a disc under weight, buoyancy, linear drag and the added mass of one
-// displaced mass. `density` is in fluid densities.
-double velocity(double density, const std::string& virtual_mass, int windows, double drag,
-                const std::string& more = "", double* fastest = nullptr) {
-  const std::string text = R"(
-dimension = 2
-[coupling]
-mode = "transient"
-scheme = "serial-explicit"
-window = 1e-4
-end_time = 1.0
-[fluid]
-[grains]
-normal_stiffness = 1e4
-restitution = 0.5
-gravity = [0, -10]
-density = )" + std::to_string(1000 * density) +
-                           R"(
-[grains.fluid]
-density = 1000
-)" + virtual_mass + R"(
-[[grains.group]]
-positions = [[0.0, 0.0]]
-radius = 0.001
-)" + more;
+constexpr double kDisplaced = 1000 * std::numbers::pi * 1e-6;  // kg/m
+
+// A disc of `density` [fluid densities]; keys of [coupling] and of the tables that differ.
+std::string disc(double density, const std::string& of_fluid, const std::string& of_grains_fluid,
+                 const std::string& gravity = "[0, 0]", const std::string& more = "",
+                 const std::string& scheme = "serial-explicit") {
+  return "dimension = 2\n[coupling]\nmode = \"transient\"\nscheme = \"" + scheme +
+         "\"\nwindow = 1e-4\nend_time = 1.0\n[fluid]\n" + of_fluid +
+         "\n[grains]\nnormal_stiffness = 1e4\nrestitution = 0.5\ngravity = " + gravity +
+         "\ndensity = " + std::to_string(1000 * density) + "\n[grains.fluid]\ndensity = 1000\n" +
+         of_grains_fluid + "\n[[grains.group]]\npositions = [[0.0, 0.0]]\nradius = 0.001\n" + more;
+}
+
+// Velocities after each of `windows` windows under `force`, which is told of the last two of them.
+template <class Force>
+std::vector<std::array<double, 2>> velocities(const std::string& text, int windows, const Force& force) {
   Scene scene = Scene::parse(text, "scene.toml");
   Grains grains;
   grains.configure(scene, "grains");
@@ -45,13 +38,12 @@ radius = 0.001
   const auto folder = std::filesystem::temp_directory_path() / ("grains-light-" + std::to_string(::getpid()));
   ProgressBoard board;
   v1::Exchange states = grains.start({}, folder);
-  const double displaced = 1000 * std::numbers::pi * 1e-6;
-  double before = 0, now = 0;
-  for (int w = 0; w < windows && std::abs(now) < 1e3; ++w) {
+  std::vector<std::array<double, 2>> found;
+  std::array<double, 2> before{}, now{};
+  for (int w = 0; w < windows && std::abs(now[1]) < 1e3; ++w) {
     v1::Exchange inputs;
     auto& forces = *inputs.mutable_grain_forces();
-    forces.add_force(0);
-    forces.add_force(-drag * now - displaced * (now - before) / kWindow);
+    for (const double part : force(w, before, now)) forces.add_force(part);
     forces.add_torque(0);
     states = grains
                  .advance({.number = static_cast<std::uint64_t>(w + 1),
@@ -63,15 +55,29 @@ radius = 0.001
                  .outputs;
     grains.accept();
     before = now;
-    now = states.grain_states().velocity(1);
-    if (fastest) *fastest = std::max(*fastest, std::abs(now));
+    now = {states.grain_states().velocity(0), states.grain_states().velocity(1)};
+    found.push_back(now);
   }
   std::filesystem::remove_all(folder);
-  return now;
+  return found;
+}
+
+// Velocity after `windows` windows of a disc under weight, buoyancy, linear drag and the added mass of one
+// displaced mass. `density` is in fluid densities.
+double velocity(double density, const std::string& virtual_mass, int windows, double drag,
+                const std::string& more = "", double* fastest = nullptr) {
+  const auto found =
+      velocities(disc(density, "", virtual_mass, "[0, -10]", more), windows,
+                 [&](int, const std::array<double, 2>& before, const std::array<double, 2>& now) {
+                   return std::array{0.0, -drag * now[1] - kDisplaced * (now[1] - before[1]) / kWindow};
+                 });
+  if (fastest)
+    for (const auto& v : found) *fastest = std::max(*fastest, std::abs(v[1]));
+  return found.back()[1];
 }
 
 TEST(LightGrain, FollowsItsEquationOfMotion) {
-  const double displaced = 1000 * std::numbers::pi * 1e-6, drag = 1.0;
+  const double displaced = kDisplaced, drag = 1.0;
   for (const double density : {0.01, 0.1, 0.5, 0.9, 1.1}) {
     // (m + m_f) dv/dt = (m_f - m) g - drag v.
     const double rate = drag / ((density + 1) * displaced);
@@ -88,7 +94,7 @@ TEST(LightGrain, FollowsItsEquationOfMotion) {
 TEST(LightGrain, IsNotThrownBackFasterThanItCame) {
   // Rises against a lid and comes to rest there.
   for (const double density : {0.1, 0.5, 0.9}) {
-    const double displaced = 1000 * std::numbers::pi * 1e-6, drag = 1.0;
+    const double displaced = kDisplaced, drag = 1.0;
     const double last = (1 - density) * displaced * 10 / drag;
     double fastest = 0;
     const double end =
@@ -110,50 +116,8 @@ TEST(LightGrain, HeavyGrainsAreLeftAlone) {
 
 // Without weight, under forces 1, 2, 3, ... N of window after window: momentum after the last.
 double momentum(const std::string& lead, int windows) {
-  Scene scene = Scene::parse(R"(
-dimension = 2
-[coupling]
-mode = "transient"
-scheme = "serial-explicit"
-window = 1e-4
-end_time = 1.0
-[fluid]
-[grains]
-normal_stiffness = 1e4
-restitution = 0.5
-density = 5000
-[grains.fluid]
-density = 1000
-)" + lead + R"(
-[[grains.group]]
-positions = [[0.0, 0.0]]
-radius = 0.001
-)",
-                             "scene.toml");
-  Grains grains;
-  grains.configure(scene, "grains");
-  EXPECT_TRUE(scene.problems().empty());
-  const auto folder = std::filesystem::temp_directory_path() / ("grains-lead-" + std::to_string(::getpid()));
-  ProgressBoard board;
-  v1::Exchange states = grains.start({}, folder);
-  for (int w = 0; w < windows; ++w) {
-    v1::Exchange inputs;
-    auto& forces = *inputs.mutable_grain_forces();
-    forces.add_force(w + 1);
-    forces.add_force(0);
-    forces.add_torque(0);
-    states = grains
-                 .advance({.number = static_cast<std::uint64_t>(w + 1),
-                           .iteration = 1,
-                           .mode = Mode::transient,
-                           .time = w * kWindow,
-                           .duration = kWindow},
-                          inputs, board)
-                 .outputs;
-    grains.accept();
-  }
-  std::filesystem::remove_all(folder);
-  return 5000 * std::numbers::pi * 1e-6 * states.grain_states().velocity(0);
+  const auto force = [](int w, const auto&, const auto&) { return std::array{w + 1.0, 0.0}; };
+  return 5 * kDisplaced * velocities(disc(5, "", lead), windows, force).back()[0];
 }
 
 TEST(Lead, CarriesForcesOnByWindows) {
@@ -166,30 +130,8 @@ TEST(Lead, CarriesForcesOnByWindows) {
   }
 }
 
-// `fluid`: keys of the fluid's own table, `density` of a disc in fluid densities.
-std::string warned(const std::string& fluid, double density) {
-  Scene scene = Scene::parse(R"(
-dimension = 2
-[coupling]
-mode = "transient"
-scheme = "serial-explicit"
-window = 1e-4
-end_time = 1.0
-[fluid]
-spacing = 1e-4
-)" + fluid + R"(
-[grains]
-normal_stiffness = 1e4
-restitution = 0.5
-density = )" + std::to_string(1000 * density) +
-                                 R"(
-[grains.fluid]
-density = 1000
-[[grains.group]]
-positions = [[0.0, 0.0]]
-radius = 0.001
-)",
-                             "scene.toml");
+std::string warned(const std::string& of_fluid, double density) {
+  Scene scene = Scene::parse(disc(density, "spacing = 1e-4\n" + of_fluid, ""), "scene.toml");
   Grains grains;
   const Plan plan = grains.configure(scene, "grains");
   EXPECT_TRUE(scene.problems().empty());
@@ -211,30 +153,11 @@ TEST(Lead, WarnsWhereSoundMayGrow) {
 }
 
 TEST(Lead, IsNotForWindowsThatAreRepeated) {
-  Scene scene = Scene::parse(R"(
-dimension = 2
-[coupling]
-mode = "transient"
-scheme = "serial-implicit"
-window = 1e-4
-end_time = 1.0
-[fluid]
-[solid]
-[grains]
-normal_stiffness = 1e4
-restitution = 0.5
-density = 5000
-[grains.fluid]
-density = 1000
-lead = 1
-[[grains.group]]
-positions = [[0.0, 0.0]]
-radius = 0.001
-)",
-                             "scene.toml");
+  Scene scene = Scene::parse(disc(5, "", "lead = 1", "[0, 0]", "[solid]\n", "serial-implicit"), "scene.toml");
   Grains grains;
   grains.configure(scene, "grains");
   ASSERT_EQ(scene.problems().size(), 1u);
+  EXPECT_NE(scene.problems().front().message.find("leave it out"), std::string::npos);
 }
 
 }  // namespace
